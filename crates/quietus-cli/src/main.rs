@@ -1,0 +1,2 @@
+//! The `quietus` program.
+fn main() {}

@@ -1,0 +1,7 @@
+//! The path tracer of Quietus: geometry, materials, lights, camera, sampler, integrator.
+//!
+//! One crate, so that the hot path inlines. It knows no threads, files or films: a caller hands over pixels
+//! to sample ([`tile::PixelWork`]) and receives samples through [`tile::SampleSink`].
+
+pub mod desc;
+pub mod tile;

@@ -1,0 +1,42 @@
+//! The door to the tracer: pixels to sample go in, samples come out.
+
+use glam::Vec3;
+
+/// A run of consecutive samples of one replicate of one pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PixelWork {
+    /// Column in the full frame (not the crop): sample values depend on it.
+    pub x: u32,
+    /// Row in the full frame, 0 at the top.
+    pub y: u32,
+    /// Place in the 8x8 tile, row by row: 0..64. The tracer only passes it on.
+    pub pixel: u8,
+    /// Which replicate of the pixel.
+    pub replicate: u8,
+    /// First sample index of the run.
+    pub first: u32,
+    /// Length of the run.
+    pub count: u32,
+}
+
+/// What one path found.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sample {
+    /// Radiance, linear Rec.709; may be non-finite where a bug or a scene made it so: the film decides.
+    pub radiance: Vec3,
+    /// 1 where the camera ray hit a surface, else 0; environments seen directly count as 0.
+    pub alpha: f32,
+    /// Albedo of the first surface that is not a perfect mirror or glass; the environment's or emitter's
+    /// radiance clamped to 1 where there is none.
+    pub albedo: Vec3,
+    /// World-space shading normal of that surface, 0 where there is none.
+    pub normal: Vec3,
+    /// Distance along the camera's viewing axis to the first hit; 0 where there is none.
+    pub depth: f32,
+}
+
+/// Takes samples as they come, in index order within one [`PixelWork`].
+pub trait SampleSink {
+    /// One sample of `work`, with its index in `work.first..work.first + work.count`.
+    fn add(&mut self, work: &PixelWork, index: u32, sample: &Sample);
+}

@@ -3,5 +3,10 @@
 //! One crate, so that the hot path inlines. It knows no threads, files or films: a caller hands over pixels
 //! to sample ([`tile::PixelWork`]) and receives samples through [`tile::SampleSink`].
 
+pub mod camera;
 pub mod desc;
+pub mod filter;
+mod integrator;
+pub mod scene;
 pub mod tile;
+pub mod view;

@@ -2,6 +2,9 @@
 
 use glam::Vec3;
 
+use crate::scene::Scene;
+use crate::view::View;
+
 /// A run of consecutive samples of one replicate of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PixelWork {
@@ -39,4 +42,35 @@ pub struct Sample {
 pub trait SampleSink {
     /// One sample of `work`, with its index in `work.first..work.first + work.count`.
     fn add(&mut self, work: &PixelWork, index: u32, sample: &Sample);
+}
+
+/// What a call to [`render_tile`] has done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TileCounts {
+    /// Camera paths, which is samples.
+    pub paths: u64,
+    /// Rays traced: camera, bounce and shadow rays.
+    pub rays: u64,
+}
+
+impl std::ops::AddAssign for TileCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.paths += other.paths;
+        self.rays += other.rays;
+    }
+}
+
+/// Draws every sample of `work`, pixel after pixel, and hands each to `sink`.
+///
+/// A sample depends on the scene, the view and its (pixel, replicate, index) alone: neither on what else is in
+/// `work` nor on the thread. Same binary and same instruction set, same bits.
+pub fn render_tile(scene: &Scene, view: &View, work: &[PixelWork], sink: &mut impl SampleSink) -> TileCounts {
+    let mut counts = TileCounts::default();
+    for run in work {
+        for index in run.first..run.first + run.count {
+            let sample = crate::integrator::sample(scene, view, run, index, &mut counts);
+            sink.add(run, index, &sample);
+        }
+    }
+    counts
 }

@@ -1,0 +1,38 @@
+//! What to draw of a scene: frame, camera, filter, path length and seed.
+
+use crate::camera::{Camera, CameraError};
+use crate::desc;
+use crate::filter::{Filter, FilterSampler};
+
+/// Settings of one picture, checked and prepared.
+#[derive(Clone, Debug)]
+pub struct View {
+    pub(crate) camera: Camera,
+    pub(crate) filter: FilterSampler,
+    pub(crate) max_depth: u32,
+    pub(crate) seed: u64,
+}
+
+impl View {
+    /// A view of `size` = `[width, height]` pixels through `camera`, each pixel weighted by `filter`.
+    ///
+    /// `max_depth` counts path segments from the camera: 1 shows emitters seen directly, 2 adds direct light, and
+    /// 0 is black. `seed` picks the random numbers; everything else equal, equal seeds give equal bits.
+    ///
+    /// # Errors
+    /// An empty frame or a camera that makes no sense, see [`CameraError`].
+    pub fn new(
+        camera: &desc::Camera,
+        size: [u32; 2],
+        filter: Filter,
+        max_depth: u32,
+        seed: u64,
+    ) -> Result<Self, CameraError> {
+        Ok(Self {
+            camera: Camera::new(camera, size[0], size[1])?,
+            filter: FilterSampler::new(filter),
+            max_depth,
+            seed,
+        })
+    }
+}

@@ -1,1 +1,41 @@
-//! (being written)
+//! Scene readers of Quietus: glTF 2.0 files, environment maps, and the scene built into the program.
+//!
+//! Everything read is checked before it is used: a file that is truncated, contradicts itself or asks for absurd
+//! amounts of memory gives a [`SceneError`] that names file, place and what was expected, never a panic. What a
+//! reader has to leave out or make up is said in [`Warning`]s.
+
+mod embedded;
+mod environment;
+mod error;
+mod framing;
+mod gltf;
+mod summary;
+
+use std::path::Path;
+
+use quietus_trace::desc::SceneDesc;
+
+pub use embedded::embedded;
+pub use environment::load_environment;
+pub use error::{ErrorKind, SceneError, Warning};
+pub use summary::{Summary, summary};
+
+/// A scene as read from a file.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The scene; every index in it is in range, and it has at least one camera.
+    pub scene: SceneDesc,
+    /// What was left out, replaced or added, in the order of the file.
+    pub warnings: Vec<Warning>,
+}
+
+/// Reads the glTF 2.0 file (`.gltf` or `.glb`, told apart by content) at `path` and everything it refers to.
+///
+/// A scene without camera gets one that frames it, and one with neither lights nor emitters gets a plain sky;
+/// both are said in the warnings.
+///
+/// # Errors
+/// Where a file is missing, cannot be read, is malformed or contradictory, or requires what is not supported.
+pub fn load(path: &Path) -> Result<Loaded, SceneError> {
+    gltf::load(path)
+}

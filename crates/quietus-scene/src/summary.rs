@@ -1,0 +1,131 @@
+//! What is in a scene, in numbers.
+
+use std::fmt;
+
+use glam::Vec3;
+use quietus_trace::desc::{Geometry, Light, Material, Object, SceneDesc};
+
+/// Counts and bounds of a scene, see [`summary`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Triangles held in memory.
+    pub triangles: u64,
+    /// Triangles in the world, each instance counted.
+    pub instanced_triangles: u64,
+    /// Spheres in the world, each instance counted.
+    pub spheres: u64,
+    /// Objects.
+    pub objects: u64,
+    /// Instances.
+    pub instances: u64,
+    /// Materials.
+    pub materials: u64,
+    /// Textures.
+    pub textures: u64,
+    /// Point, spot and directional lights.
+    pub lights: [u64; 3],
+    /// Shapes in the world whose material emits.
+    pub emitters: u64,
+    /// Whether light comes from infinitely far away.
+    pub environment: bool,
+    /// Names of the cameras, the default first.
+    pub cameras: Vec<String>,
+    /// Smallest and largest corner of the world's bounding box; `None` where nothing is placed.
+    pub bounds: Option<[Vec3; 2]>,
+}
+
+/// Counts what is in `scene`. Indices out of range count as nothing.
+pub fn summary(scene: &SceneDesc) -> Summary {
+    let mut sum = Summary {
+        triangles: scene.objects.iter().map(triangles).sum(),
+        objects: scene.objects.len() as u64,
+        instances: scene.instances.len() as u64,
+        materials: scene.materials.len() as u64,
+        textures: scene.textures.len() as u64,
+        environment: scene.environment.is_some(),
+        cameras: scene.cameras.iter().map(|camera| camera.name.clone()).collect(),
+        bounds: bounds(scene),
+        ..Summary::default()
+    };
+    for light in &scene.lights {
+        let kind = match light {
+            Light::Point { .. } => 0,
+            Light::Spot { .. } => 1,
+            Light::Directional { .. } => 2,
+        };
+        sum.lights[kind] += 1;
+    }
+    for instance in &scene.instances {
+        let Some(object) = scene.objects.get(instance.object.0 as usize) else { continue };
+        sum.instanced_triangles += triangles(object);
+        for shape in &object.shapes {
+            sum.spheres += u64::from(matches!(shape.geometry, Geometry::Sphere { .. }));
+            sum.emitters += u64::from(scene.materials.get(shape.material.0 as usize).is_some_and(emits));
+        }
+    }
+    sum
+}
+
+fn triangles(object: &Object) -> u64 {
+    let of_shape = |geometry: &Geometry| match geometry {
+        Geometry::Mesh(mesh) => mesh.triangles.len() as u64,
+        Geometry::Sphere { .. } => 0,
+    };
+    object.shapes.iter().map(|shape| of_shape(&shape.geometry)).sum()
+}
+
+/// Whether a surface of `material` emits light.
+pub(crate) fn emits(material: &Material) -> bool {
+    material.emission.factor.max_element() > 0.0
+}
+
+/// The world's bounding box. Spheres are bounded by their transformed box.
+pub(crate) fn bounds(scene: &SceneDesc) -> Option<[Vec3; 2]> {
+    let mut bounds = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+    for instance in &scene.instances {
+        let Some(object) = scene.objects.get(instance.object.0 as usize) else { continue };
+        let mut grow = |point: Vec3| {
+            let world = instance.to_world.transform_point3(point);
+            bounds = [bounds[0].min(world), bounds[1].max(world)];
+        };
+        for shape in &object.shapes {
+            match &shape.geometry {
+                Geometry::Mesh(mesh) => {
+                    let used = mesh.triangles.iter().flatten();
+                    used.filter_map(|&i| mesh.positions.get(i as usize)).for_each(|&p| grow(p));
+                }
+                Geometry::Sphere { center, radius } => {
+                    for corner in 0..8 {
+                        let sign = |bit: u32| if corner >> bit & 1 == 0 { -radius } else { *radius };
+                        grow(center + Vec3::new(sign(0), sign(1), sign(2)));
+                    }
+                }
+            }
+        }
+    }
+    (bounds[0].x <= bounds[1].x).then_some(bounds)
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { triangles, instanced_triangles, spheres, objects, instances, .. } = self;
+        writeln!(f, "triangles    {triangles} ({instanced_triangles} with every instance counted)")?;
+        writeln!(f, "spheres      {spheres}")?;
+        writeln!(f, "objects      {objects}, placed {instances} times")?;
+        writeln!(f, "materials    {}", self.materials)?;
+        writeln!(f, "textures     {}", self.textures)?;
+        let [point, spot, directional] = self.lights;
+        writeln!(f, "lights       {point} point, {spot} spot, {directional} directional")?;
+        writeln!(f, "emitters     {}", self.emitters)?;
+        writeln!(f, "environment  {}", if self.environment { "yes" } else { "no" })?;
+        writeln!(f, "cameras      {}", self.cameras.join(", "))?;
+        match self.bounds {
+            Some([low, high]) => write!(
+                f,
+                "bounds       ({:.3}, {:.3}, {:.3}) .. ({:.3}, {:.3}, {:.3})",
+                low.x, low.y, low.z, high.x, high.y, high.z
+            ),
+            None => write!(f, "bounds       empty"),
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! Progressive passes whose size grows (the talk, section 4.1).
+
+/// How many samples a pass adds to each active pixel.
+///
+/// Early passes are short, so that the picture and its errors are seen soon; later ones grow, so that checks and
+/// rebuilds cost ever less of the time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PassSchedule {
+    first: u32,
+    second: u32,
+    growth: u32,
+}
+
+impl PassSchedule {
+    /// Published practice: 1, then 4, 6, 8, 10, ... samples.
+    pub const TALK: Self = Self { first: 1, second: 4, growth: 2 };
+
+    /// `first` samples, then `second`, `second + growth`, `second + 2 growth`, ...; the first two are taken as 1
+    /// where they are 0.
+    pub const fn new(first: u32, second: u32, growth: u32) -> Self {
+        Self {
+            first: if first == 0 { 1 } else { first },
+            second: if second == 0 { 1 } else { second },
+            growth,
+        }
+    }
+
+    /// Samples that pass `pass` (from 0) adds to each active pixel, over all its replicates.
+    pub fn samples(&self, pass: u32) -> u32 {
+        match pass {
+            0 => self.first,
+            _ => self.second.saturating_add(self.growth.saturating_mul(pass - 1)),
+        }
+    }
+
+    /// Samples that a pass adds to each of `replicates` replicates, equal so that they stay equal halves.
+    pub fn samples_per_replicate(&self, pass: u32, replicates: u32) -> u32 {
+        self.samples(pass).div_ceil(replicates)
+    }
+}
+
+impl Default for PassSchedule {
+    fn default() -> Self {
+        Self::TALK
+    }
+}
+
+/// The share of `total` samples that falls to one of `replicates` replicates; shares differ by at most one.
+pub fn replicate_share(total: u32, replicates: u32, replicate: u32) -> u32 {
+    total / replicates + u32::from(replicate < total % replicates)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn published_sizes() {
+        let sizes: Vec<u32> = (0..5).map(|pass| PassSchedule::TALK.samples(pass)).collect();
+        assert_eq!(sizes, [1, 4, 6, 8, 10]);
+        let halves: Vec<u32> = (0..5).map(|pass| PassSchedule::TALK.samples_per_replicate(pass, 2)).collect();
+        assert_eq!(halves, [1, 2, 3, 4, 5]);
+    }
+
+    #[test]
+    fn shares_add_up() {
+        for total in 0..20 {
+            for replicates in 1..5 {
+                let sum: u32 = (0..replicates).map(|r| replicate_share(total, replicates, r)).sum();
+                assert_eq!(sum, total);
+            }
+        }
+    }
+}

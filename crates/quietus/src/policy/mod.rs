@@ -1,0 +1,149 @@
+//! Policies: which pixels go on, decided per region from the errors of its pixels.
+//!
+//! The talk's tree, and the baselines that prove its gain, behind one interface. A policy holds no lock and knows
+//! no thread; the coordinator calls it when a region's last visit of a pass is finished.
+
+mod dammertz;
+mod pixel;
+mod tile;
+mod tree;
+
+pub use dammertz::DammertzRule;
+pub use pixel::PixelRule;
+pub use tile::TileRule;
+pub use tree::{Rebuild, TreeRule};
+
+use crate::{ErrorPlane, RegionTree, Regions};
+
+/// How sampling is steered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum Policy {
+    /// Every pixel gets the maximum number of samples.
+    Uniform,
+    /// Each tile stops for good on its own error: the talk's "previous generation", with its box artefacts.
+    Tile,
+    /// The method of Dammertz et al. 2010: blocks with integer bounds that are split, and discarded for good.
+    Dammertz,
+    /// Each pixel stops on its own error, unless one of its eight neighbours goes on.
+    Pixel,
+    /// The talk's tree, tiles drawn over the bounding rectangle of their active pixels as published practice
+    /// does.
+    Talk,
+    /// The talk's tree, drawing exactly the active pixels.
+    #[default]
+    Quietus,
+}
+
+/// What a policy needs to know of the picture and the request.
+#[derive(Clone, Debug)]
+pub struct RuleSettings {
+    /// The partition.
+    pub regions: Regions,
+    /// The region error asked for.
+    pub target_error: f64,
+    /// N_img of the region error.
+    pub frame_area: f64,
+    /// How trees are rebuilt.
+    pub rebuild: Rebuild,
+}
+
+/// The state of a policy in one region.
+pub trait StoppingRule: Send + Sync {
+    /// Takes in the errors as they are now. The coordinator calls this only once every tile of the region has
+    /// its minimum of samples; before, all pixels are active.
+    fn update(&mut self, errors: &ErrorPlane);
+
+    /// The active pixels of one of the region's home tiles.
+    fn active(&self, tile: u32) -> u64;
+
+    /// Whether no pixel of the region is active any more.
+    fn is_complete(&self) -> bool;
+
+    /// The tree, where the policy has one.
+    fn tree(&self) -> Option<&RegionTree> {
+        None
+    }
+}
+
+impl Policy {
+    /// The state of this policy in a region, before its first update: all pixels active.
+    pub fn rule(self, settings: &RuleSettings, region: u32) -> Box<dyn StoppingRule> {
+        match self {
+            Self::Uniform => Box::new(UniformRule { regions: settings.regions.clone() }),
+            Self::Tile => Box::new(TileRule::new(settings, region)),
+            Self::Dammertz => Box::new(DammertzRule::new(settings, region)),
+            Self::Pixel => Box::new(PixelRule::new(settings, region)),
+            Self::Talk => Box::new(TreeRule::new(settings, region).filling_bounding_rectangles()),
+            Self::Quietus => Box::new(TreeRule::new(settings, region)),
+        }
+    }
+}
+
+/// Never stops.
+struct UniformRule {
+    regions: Regions,
+}
+
+impl StoppingRule for UniformRule {
+    fn update(&mut self, _: &ErrorPlane) {}
+
+    fn active(&self, tile: u32) -> u64 {
+        self.regions.grid().full_mask(tile)
+    }
+
+    fn is_complete(&self) -> bool {
+        false
+    }
+}
+
+/// Masks of the home tiles of a region.
+#[derive(Clone, Debug)]
+struct HomeMasks {
+    regions: Regions,
+    home: crate::PixelRect,
+    masks: Vec<u64>,
+}
+
+impl HomeMasks {
+    /// All pixels active.
+    fn full(regions: &Regions, region: u32) -> Self {
+        let home = regions.home_rect(region);
+        let masks = regions.home_tiles(region).map(|tile| regions.grid().full_mask(tile)).collect();
+        Self { regions: regions.clone(), home, masks }
+    }
+
+    fn slot(&self, column: u32, row: u32) -> usize {
+        let first = (self.home.x0 / crate::TILE_SIZE, self.home.y0 / crate::TILE_SIZE);
+        let stride = self.home.width().div_ceil(crate::TILE_SIZE);
+        ((row - first.1) * stride + column - first.0) as usize
+    }
+
+    fn get(&self, tile: u32) -> u64 {
+        let (column, row) = self.regions.grid().coordinates(tile);
+        self.masks[self.slot(column, row)]
+    }
+
+    fn clear(&mut self) {
+        self.masks.fill(0);
+    }
+
+    /// Adds the pixels of `rect` that lie in the home tiles.
+    fn add(&mut self, rect: &crate::PixelRect) {
+        let part = rect.intersection(&self.home);
+        if part.is_empty() {
+            return;
+        }
+        let tiles = |start: u32, end: u32| start / crate::TILE_SIZE..=(end - 1) / crate::TILE_SIZE;
+        for row in tiles(part.y0, part.y1) {
+            for column in tiles(part.x0, part.x1) {
+                let origin = crate::PixelRect::new(column * 8, row * 8, column * 8 + 8, row * 8 + 8);
+                let slot = self.slot(column, row);
+                self.masks[slot] |= crate::active_mask::rect_in_tile(&origin, &part);
+            }
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.masks.iter().all(|&mask| mask == 0)
+    }
+}

@@ -1,0 +1,44 @@
+//! A baseline: each tile stops for good on its own error, the talk's "previous generation" (section 3).
+
+use super::{HomeMasks, RuleSettings, StoppingRule};
+use crate::{ErrorPlane, region_error::region_error};
+
+/// Tiles that stop on their own.
+pub struct TileRule {
+    masks: HomeMasks,
+    home_tiles: Vec<u32>,
+    target_error: f64,
+    frame_area: f64,
+}
+
+impl TileRule {
+    /// The tiles of a region before their first update.
+    pub fn new(settings: &RuleSettings, region: u32) -> Self {
+        Self {
+            masks: HomeMasks::full(&settings.regions, region),
+            home_tiles: settings.regions.home_tiles(region).collect(),
+            target_error: settings.target_error,
+            frame_area: settings.frame_area,
+        }
+    }
+}
+
+impl StoppingRule for TileRule {
+    fn update(&mut self, errors: &ErrorPlane) {
+        for (&tile, mask) in self.home_tiles.iter().zip(&mut self.masks.masks) {
+            let sum = errors.load_tile(tile).iter().map(|e| e.steps()).sum();
+            let pixels = errors.grid().tile_rect(tile).area() as f64;
+            if region_error(sum, pixels, self.frame_area) < self.target_error {
+                *mask = 0;
+            }
+        }
+    }
+
+    fn active(&self, tile: u32) -> u64 {
+        self.masks.get(tile)
+    }
+
+    fn is_complete(&self) -> bool {
+        self.masks.is_empty()
+    }
+}

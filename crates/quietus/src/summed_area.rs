@@ -1,0 +1,160 @@
+//! Sums of errors over rectangles: plainly, as the talk's renderer does, and by a summed-area table.
+//!
+//! Rebuilding a tree asks two questions of each node: the sum of its errors, and the column (row) in which half
+//! of that sum is reached. [`Resummed`] answers both by adding pixels, at every level of the tree anew.
+//! [`SummedArea`] (Crow 1984, *Summed-Area Tables for Texture Mapping*) answers the first in constant, the
+//! second in logarithmic time. Errors are integers, so both give the same answers exactly.
+
+use crate::{Axis, ErrorPlane, PixelRect};
+
+/// Where the running sum of marginal errors reaches half of the total.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HalfWay {
+    /// The column (row) in which it happens.
+    pub index: u32,
+    /// Sum of all columns before it; below half of the total.
+    pub before: u64,
+    /// Sum of the column itself; above 0.
+    pub within: u64,
+}
+
+/// Exact sums of pixel errors over rectangles.
+pub trait ErrorSums {
+    /// The pixels it knows.
+    fn bounds(&self) -> PixelRect;
+
+    /// Sum over `rect`, which lies inside the bounds.
+    fn sum(&self, rect: &PixelRect) -> u64;
+
+    /// The first column (row) of `rect` at whose end the running sum is at least half of `total`, the sum over
+    /// `rect`; `None` where that is 0.
+    fn half_way(&self, rect: &PixelRect, axis: Axis, total: u64) -> Option<HalfWay>;
+}
+
+/// Errors of a rectangle, row by row, summed pixel by pixel at every question: the plain form.
+#[derive(Clone, Debug, Default)]
+pub struct Resummed {
+    bounds: Option<PixelRect>,
+    errors: Vec<u32>,
+}
+
+impl Resummed {
+    /// Takes the errors of `rect`; memory of an earlier use is kept.
+    pub fn load(&mut self, plane: &ErrorPlane, rect: PixelRect) {
+        plane.copy_rect(&rect, &mut self.errors);
+        self.bounds = Some(rect);
+    }
+
+    fn row(&self, rect: &PixelRect, y: u32) -> &[u32] {
+        let bounds = self.bounds();
+        let start = (y - bounds.y0) as usize * bounds.width() as usize + (rect.x0 - bounds.x0) as usize;
+        &self.errors[start..start + rect.width() as usize]
+    }
+
+    /// Sum of one column (row) of `rect`.
+    fn marginal(&self, rect: &PixelRect, axis: Axis, index: u32) -> u64 {
+        match axis {
+            Axis::X => self.sum(&PixelRect { x0: index, x1: index + 1, ..*rect }),
+            Axis::Y => self.sum(&PixelRect { y0: index, y1: index + 1, ..*rect }),
+        }
+    }
+}
+
+impl ErrorSums for Resummed {
+    fn bounds(&self) -> PixelRect {
+        self.bounds.unwrap_or(PixelRect::new(0, 0, 0, 0))
+    }
+
+    fn sum(&self, rect: &PixelRect) -> u64 {
+        (rect.y0..rect.y1).map(|y| self.row(rect, y).iter().map(|&e| u64::from(e)).sum::<u64>()).sum()
+    }
+
+    fn half_way(&self, rect: &PixelRect, axis: Axis, total: u64) -> Option<HalfWay> {
+        let range = match axis {
+            Axis::X => rect.x0..rect.x1,
+            Axis::Y => rect.y0..rect.y1,
+        };
+        let mut before = 0;
+        for index in range {
+            let within = self.marginal(rect, axis, index);
+            if within > 0 && 2 * (before + within) >= total {
+                return Some(HalfWay { index, before, within });
+            }
+            before += within;
+        }
+        None
+    }
+}
+
+/// A summed-area table of the errors of a rectangle: the fast form.
+///
+/// Entry (x, y) is the sum of all errors above and to the left of pixel corner (x, y). Sums of 2^32 pixels of
+/// the largest error fit `u64`.
+#[derive(Clone, Debug, Default)]
+pub struct SummedArea {
+    bounds: Option<PixelRect>,
+    table: Vec<u64>,
+    errors: Vec<u32>,
+}
+
+impl SummedArea {
+    /// Takes the errors of `rect`; memory of an earlier use is kept.
+    pub fn load(&mut self, plane: &ErrorPlane, rect: PixelRect) {
+        plane.copy_rect(&rect, &mut self.errors);
+        self.bounds = Some(rect);
+        let width = rect.width() as usize;
+        let stride = width + 1;
+        self.table.resize(stride * (rect.height() as usize + 1), 0);
+        self.table[..stride].fill(0);
+        for (y, errors) in self.errors.chunks_exact(width.max(1)).enumerate() {
+            let (above, here) = self.table[y * stride..][..2 * stride].split_at_mut(stride);
+            let mut row = 0;
+            here[0] = 0;
+            for ((entry, above), &error) in here[1..].iter_mut().zip(&above[1..]).zip(errors) {
+                row += u64::from(error);
+                *entry = above + row;
+            }
+        }
+    }
+
+    /// The table's entry at a pixel corner.
+    fn corner(&self, x: u32, y: u32) -> u64 {
+        let bounds = self.bounds();
+        let stride = bounds.width() as usize + 1;
+        self.table[(y - bounds.y0) as usize * stride + (x - bounds.x0) as usize]
+    }
+}
+
+impl ErrorSums for SummedArea {
+    fn bounds(&self) -> PixelRect {
+        self.bounds.unwrap_or(PixelRect::new(0, 0, 0, 0))
+    }
+
+    fn sum(&self, rect: &PixelRect) -> u64 {
+        (self.corner(rect.x1, rect.y1) - self.corner(rect.x0, rect.y1))
+            - (self.corner(rect.x1, rect.y0) - self.corner(rect.x0, rect.y0))
+    }
+
+    fn half_way(&self, rect: &PixelRect, axis: Axis, total: u64) -> Option<HalfWay> {
+        if total == 0 {
+            return None;
+        }
+        let (start, end) = match axis {
+            Axis::X => (rect.x0, rect.x1),
+            Axis::Y => (rect.y0, rect.y1),
+        };
+        // Sum of the columns (rows) before `index`.
+        let up_to = |index| match axis {
+            Axis::X => self.sum(&PixelRect { x1: index, ..*rect }),
+            Axis::Y => self.sum(&PixelRect { y1: index, ..*rect }),
+        };
+        // The lowest index with 2 * up_to(index + 1) >= total.
+        let (mut low, mut high) = (start, end - 1);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if 2 * up_to(middle + 1) >= total { high = middle } else { low = middle + 1 }
+        }
+        let before = up_to(low);
+        Some(HalfWay { index: low, before, within: up_to(low + 1) - before })
+    }
+}

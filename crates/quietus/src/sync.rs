@@ -1,0 +1,2 @@
+//! Synchronisation primitives in one place.
+pub(crate) use std::sync::atomic::{AtomicU32, Ordering};

@@ -3,10 +3,13 @@
 //! One crate, so that the hot path inlines. It knows no threads, files or films: a caller hands over pixels
 //! to sample ([`tile::PixelWork`]) and receives samples through [`tile::SampleSink`].
 
+pub mod bvh;
 pub mod camera;
 pub mod desc;
 pub mod filter;
+pub mod geometry;
 mod integrator;
+pub mod isa;
 pub mod scene;
 pub mod tile;
 pub mod view;

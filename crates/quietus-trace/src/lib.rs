@@ -3,13 +3,19 @@
 //! One crate, so that the hot path inlines. It knows no threads, files or films: a caller hands over pixels
 //! to sample ([`tile::PixelWork`]) and receives samples through [`tile::SampleSink`].
 
+pub mod bsdf;
 pub mod bvh;
 pub mod camera;
 pub mod desc;
 pub mod filter;
+pub mod frame;
 pub mod geometry;
 mod integrator;
 pub mod isa;
+pub mod material;
+pub mod sampler;
 pub mod scene;
+pub mod texture;
 pub mod tile;
 pub mod view;
+pub mod warp;

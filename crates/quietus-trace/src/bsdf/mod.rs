@@ -1,0 +1,170 @@
+//! How surfaces scatter light, in the local frame whose z axis is the shading normal.
+//!
+//! Conventions: `wo` points to where the path comes from (the camera), `wi` to where it goes (the light); both
+//! are unit vectors that point away from the surface. Densities are per steradian. Every `eval` returns the BSDF
+//! **times `|cos wi|`**, for transport of radiance: where light passes into a medium with relative index `eta`
+//! (the index on `wi`'s side over the one on `wo`'s side), radiance is divided by `eta^2`.
+//!
+//! Perfectly smooth parts are `delta` distributions: `eval` and `pdf` are 0 for them, only `sample` finds them,
+//! and its `pdf` is then the probability of the choice.
+//!
+//! Shading normals: `wo` and `wi` are sorted into reflection and transmission by the *shading* normal. A caller
+//! with another geometric normal has to drop pairs for which [`same_side`] is false, or light leaks.
+
+pub mod fresnel;
+pub mod ggx;
+
+mod albedo_table;
+mod conductor;
+mod dielectric;
+mod metal_rough;
+
+use std::f32::consts::FRAC_1_PI;
+
+use glam::{Vec2, Vec3};
+
+pub use conductor::Conductor;
+pub use dielectric::Dielectric;
+pub use metal_rough::{MetalRough, MetalRoughParams};
+
+use crate::warp;
+
+/// The scattering of one surface point: plain data, built anew at each hit.
+#[derive(Clone, Copy, Debug)]
+pub enum Bsdf {
+    /// Scatters nothing.
+    Black,
+    /// Lambert, on both sides.
+    Diffuse(Diffuse),
+    /// GGX metal, on both sides.
+    Conductor(Conductor),
+    /// GGX glass; +z points out of the medium.
+    Dielectric(Dielectric),
+    /// The metallic-roughness model of glTF 2.0, on both sides.
+    MetalRough(MetalRough),
+}
+
+/// A direction drawn from a BSDF.
+#[derive(Clone, Copy, Debug)]
+pub struct BsdfSample {
+    /// The direction, of unit length.
+    pub wi: Vec3,
+    /// BSDF times `|cos wi|` over `pdf`.
+    pub weight: Vec3,
+    /// Density per steradian of all lobes together; where `delta`, the probability of the choice.
+    pub pdf: f32,
+    /// Whether `wi` comes from a perfectly smooth part, which no other strategy can find.
+    pub delta: bool,
+    /// Whether `wi` lies on the other side than `wo`.
+    pub transmission: bool,
+    /// Index of refraction on `wi`'s side over the one on `wo`'s side; 1 for reflection and thin walls. Russian
+    /// roulette wants the throughput times the product of `eta^2`, which undoes the compression of radiance.
+    pub eta: f32,
+}
+
+/// Lambert's BRDF, on both sides.
+#[derive(Clone, Copy, Debug)]
+pub struct Diffuse {
+    /// Albedo.
+    pub reflectance: Vec3,
+}
+
+impl Bsdf {
+    /// BSDF times `|cos wi|`.
+    #[inline]
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+        self.eval_pdf(wo, wi).0
+    }
+
+    /// Density with which [`sample`](Self::sample) draws `wi`, over the unit sphere; delta parts count as 0.
+    #[inline]
+    pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        self.eval_pdf(wo, wi).1
+    }
+
+    /// [`eval`](Self::eval) and [`pdf`](Self::pdf) at once.
+    #[inline]
+    pub fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        match self {
+            Self::Black => (Vec3::ZERO, 0.0),
+            Self::Diffuse(b) => b.eval_pdf(wo, wi),
+            Self::Conductor(b) => b.eval_pdf(wo, wi),
+            Self::Dielectric(b) => b.eval_pdf(wo, wi),
+            Self::MetalRough(b) => b.eval_pdf(wo, wi),
+        }
+    }
+
+    /// A direction with density [`pdf`](Self::pdf), from random numbers in `[0, 1)`; `None` where the draw is
+    /// lost (absorbed, or masked by the microsurface).
+    #[inline]
+    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        match self {
+            Self::Black => None,
+            Self::Diffuse(b) => b.sample(wo, u),
+            Self::Conductor(b) => b.sample(wo, u),
+            Self::Dielectric(b) => b.sample(wo, u_lobe, u),
+            Self::MetalRough(b) => b.sample(wo, u_lobe, u),
+        }
+    }
+
+    /// Whether all of it is delta, so that light sampling cannot help.
+    #[inline]
+    pub fn is_delta(&self) -> bool {
+        match self {
+            Self::Black => true,
+            Self::Diffuse(_) => false,
+            Self::Conductor(b) => b.is_delta(),
+            Self::Dielectric(b) => b.is_delta(),
+            Self::MetalRough(b) => b.is_delta(),
+        }
+    }
+
+    /// A colour that stands for the surface in the albedo AOV; near its reflectance under white light from all
+    /// sides.
+    pub fn albedo(&self) -> Vec3 {
+        match self {
+            Self::Black => Vec3::ZERO,
+            Self::Diffuse(b) => b.reflectance,
+            Self::Conductor(b) => b.albedo(),
+            Self::Dielectric(b) => b.albedo(),
+            Self::MetalRough(b) => b.albedo(),
+        }
+    }
+}
+
+impl Diffuse {
+    #[inline]
+    fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        if wo.z * wi.z <= 0.0 {
+            return (Vec3::ZERO, 0.0);
+        }
+        let pdf = wi.z.abs() * FRAC_1_PI;
+        (self.reflectance * pdf, pdf)
+    }
+
+    #[inline]
+    fn sample(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
+        let mut wi = warp::cosine_hemisphere(u);
+        if wo.z == 0.0 || wi.z == 0.0 {
+            return None;
+        }
+        wi.z = wi.z.copysign(wo.z);
+        Some(BsdfSample::reflection(wi, self.reflectance, wi.z.abs() * FRAC_1_PI))
+    }
+}
+
+impl BsdfSample {
+    /// A sample of a lobe that reflects and is not delta.
+    #[inline]
+    fn reflection(wi: Vec3, weight: Vec3, pdf: f32) -> Self {
+        Self { wi, weight, pdf, delta: false, transmission: false, eta: 1.0 }
+    }
+}
+
+/// Whether `wi` lies on the same side of the surface by the geometric normal as it does by the shading normal,
+/// given `wi` in the world and as local `z` in the shading frame. Light that fails this would reflect through the
+/// surface or transmit without crossing it; dropping it costs a little energy where the normals differ much.
+#[inline]
+pub fn same_side(wi_world: Vec3, geometric_normal: Vec3, wi_local_z: f32) -> bool {
+    wi_world.dot(geometric_normal) * wi_local_z > 0.0
+}

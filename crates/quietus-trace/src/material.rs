@@ -1,0 +1,314 @@
+//! Materials of a scene, ready to be evaluated at surface points.
+
+use glam::{Vec3, Vec4};
+
+use crate::{
+    bsdf::{Bsdf, Conductor, Dielectric, Diffuse, MetalRough, MetalRoughParams},
+    desc::{self, Alpha, ColorParam, MaterialId, ScalarParam, Surface, Texels, Texture, TextureId},
+    frame::Frame,
+};
+
+pub use crate::texture::SurfacePoint;
+
+/// A scene's materials and textures, every index checked.
+#[derive(Clone, Debug, Default)]
+pub struct MaterialTable {
+    textures: Vec<Texture>,
+    materials: Vec<desc::Material>,
+}
+
+/// What is wrong with a scene's materials or textures.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MaterialError {
+    /// A material names a texture that is not there.
+    #[error("material {material:?}: {field} names texture {texture}, but there are {count}")]
+    NoSuchTexture {
+        /// The material's name.
+        material: String,
+        /// Which of its parameters.
+        field: &'static str,
+        /// The index it gives.
+        texture: u32,
+        /// How many textures there are.
+        count: usize,
+    },
+    /// A value out of its range.
+    #[error("material {material:?}: {field} must be {expected}, but is {value}")]
+    OutOfRange {
+        /// The material's name.
+        material: String,
+        /// Which of its parameters.
+        field: &'static str,
+        /// What was expected.
+        expected: &'static str,
+        /// What was found.
+        value: String,
+    },
+    /// A texture that cannot be looked up.
+    #[error("texture {index} (image {image:?}): {problem}")]
+    Texture {
+        /// Its index.
+        index: usize,
+        /// The image's name.
+        image: String,
+        /// What is wrong.
+        problem: String,
+    },
+}
+
+impl MaterialTable {
+    /// Checks the textures and materials of a scene and keeps copies (images stay shared).
+    ///
+    /// # Errors
+    /// Names the first texture or material that cannot be used, and why.
+    pub fn compile(textures: &[Texture], materials: &[desc::Material]) -> Result<Self, MaterialError> {
+        for (index, texture) in textures.iter().enumerate() {
+            check_texture(index, texture)?;
+        }
+        for material in materials {
+            Check { material, textures: textures.len() }.all()?;
+        }
+        Ok(Self { textures: textures.to_vec(), materials: materials.to_vec() })
+    }
+
+    /// How many materials there are: ids below this are valid for every method here, others panic.
+    pub fn len(&self) -> usize {
+        self.materials.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.materials.is_empty()
+    }
+
+    /// How the surface scatters at `point`; [`Bsdf::Black`] where it is unlit.
+    pub fn bsdf(&self, id: MaterialId, point: &SurfacePoint) -> Bsdf {
+        let color = |p: &ColorParam| p.at(point, &self.textures);
+        let unit_color = |p: &ColorParam| color(p).clamp(Vec3::ZERO, Vec3::ONE);
+        let unit = |p: &ScalarParam| p.at(point, &self.textures).clamp(0.0, 1.0);
+        match &self.material(id).surface {
+            Surface::Diffuse { reflectance } => {
+                Bsdf::Diffuse(Diffuse { reflectance: unit_color(reflectance) })
+            }
+            Surface::Conductor { eta, k, roughness } => {
+                Bsdf::Conductor(Conductor::new(*eta, *k, unit(roughness)))
+            }
+            Surface::Dielectric { ior, roughness, tint } => {
+                Bsdf::Dielectric(Dielectric::new(*ior, unit(roughness), unit_color(tint)))
+            }
+            Surface::MetalRough(m) if m.unlit => Bsdf::Black,
+            Surface::MetalRough(m) => Bsdf::MetalRough(MetalRough::new(&MetalRoughParams {
+                base_color: (color(&m.base_color) * point.color.truncate()).clamp(Vec3::ZERO, Vec3::ONE),
+                metallic: unit(&m.metallic),
+                roughness: unit(&m.roughness),
+                ior: m.ior,
+                specular: unit(&m.specular),
+                specular_color: color(&m.specular_color),
+                transmission: unit(&m.transmission),
+                clearcoat: unit(&m.clearcoat),
+                clearcoat_roughness: unit(&m.clearcoat_roughness),
+            })),
+        }
+    }
+
+    /// The base colour of an unlit surface, to be shown where the camera sees it directly (or through perfect
+    /// mirrors and glass); `None` for lit ones.
+    pub fn unlit_color(&self, id: MaterialId, point: &SurfacePoint) -> Option<Vec3> {
+        match &self.material(id).surface {
+            Surface::MetalRough(m) if m.unlit => {
+                Some(m.base_color.at(point, &self.textures) * point.color.truncate())
+            }
+            _ => None,
+        }
+    }
+
+    /// Emitted radiance at `point`, seen from the front (the side the geometric normal points to) or the back.
+    #[inline]
+    pub fn emission(&self, id: MaterialId, point: &SurfacePoint, front: bool) -> Vec3 {
+        let material = self.material(id);
+        if material.emission.factor == Vec3::ZERO || !(front || material.emission_two_sided) {
+            return Vec3::ZERO;
+        }
+        material.emission.at(point, &self.textures)
+    }
+
+    /// Whether anything of the material can emit: whether its shapes are lights.
+    #[inline]
+    pub fn emits(&self, id: MaterialId) -> bool {
+        self.material(id).emission.factor != Vec3::ZERO
+    }
+
+    /// Whether the back side emits too.
+    #[inline]
+    pub fn emits_two_sided(&self, id: MaterialId) -> bool {
+        self.material(id).emission_two_sided
+    }
+
+    /// Mean emitted radiance over the texture's image, to weigh lights against each other before any point on
+    /// them is known. Costs a pass over the image: not for the hot path.
+    pub fn mean_emission(&self, id: MaterialId) -> Vec3 {
+        let ColorParam { factor, texture } = self.material(id).emission;
+        let Some(TextureId(texture)) = texture else { return factor };
+        let image = &self.textures[texture as usize].image;
+        let sum: Vec4 = (0..image.height)
+            .flat_map(|y| (0..image.width).map(move |x| (x, y)))
+            .map(|(x, y)| image.texel(x, y))
+            .fold(Vec4::ZERO, |sum, texel| sum + texel);
+        factor * (sum / (image.width as f32 * image.height as f32)).truncate()
+    }
+
+    /// Whether every hit counts: [`alpha`](Self::alpha) is 1 everywhere.
+    #[inline]
+    pub fn is_opaque(&self, id: MaterialId) -> bool {
+        self.material(id).alpha == Alpha::Opaque
+    }
+
+    /// Coverage at `point`: the probability of being hit, in 0..1.
+    pub fn alpha(&self, id: MaterialId, point: &SurfacePoint) -> f32 {
+        let value = |v: &ScalarParam| v.at(point, &self.textures) * point.color.w;
+        match &self.material(id).alpha {
+            Alpha::Opaque => 1.0,
+            Alpha::Mask { value: v, cutoff } => f32::from(u8::from(value(v) >= *cutoff)),
+            Alpha::Blend { value: v } => value(v).clamp(0.0, 1.0),
+        }
+    }
+
+    /// Whether the material has a normal map, so that hits need a tangent.
+    #[inline]
+    pub fn has_normal_map(&self, id: MaterialId) -> bool {
+        self.material(id).normal_map.is_some()
+    }
+
+    /// The shading frame with the normal map applied: `frame` holds the interpolated normal and the mesh's
+    /// tangent and bitangent (the texture's u and v directions as glTF has them; need not be orthogonal).
+    pub fn shading_frame(&self, id: MaterialId, point: &SurfacePoint, frame: &Frame) -> Frame {
+        let Some((TextureId(texture), scale)) = self.material(id).normal_map else { return *frame };
+        let texel = self.textures[texture as usize].lookup(point).truncate();
+        let n = (2.0 * texel - 1.0) * Vec3::new(scale, scale, 1.0);
+        let normal = frame.to_world(n).normalize_or(frame.normal);
+        Frame::from_normal_tangent(normal, frame.tangent)
+    }
+
+    #[inline]
+    fn material(&self, MaterialId(id): MaterialId) -> &desc::Material {
+        &self.materials[id as usize]
+    }
+}
+
+/// Finds what cannot be looked up in a texture.
+fn check_texture(index: usize, texture: &Texture) -> Result<(), MaterialError> {
+    let image = &texture.image;
+    let texels = match &image.texels {
+        Texels::Srgb8(t) | Texels::Linear8(t) => t.len(),
+        Texels::Float(t) => t.len(),
+    };
+    let problem = if image.width == 0 || image.height == 0 {
+        format!("it is {}x{} texels, at least 1x1 is needed", image.width, image.height)
+    } else if u64::from(image.width) * u64::from(image.height) != texels as u64 {
+        format!("{}x{} texels were announced, but there are {texels}", image.width, image.height)
+    } else if image.width.max(image.height) > 1 << 24 {
+        format!("{}x{} texels are more than 2^24 along one side", image.width, image.height)
+    } else if texture.uv_set > 1 {
+        format!("it uses set {} of texture coordinates, 0 or 1 was expected", texture.uv_set)
+    } else if !texture.transform.is_finite() {
+        "its transform is not finite".to_owned()
+    } else {
+        return Ok(());
+    };
+    Err(MaterialError::Texture { index, image: image.name.clone(), problem })
+}
+
+/// Checks one material against the number of textures there are.
+struct Check<'a> {
+    material: &'a desc::Material,
+    textures: usize,
+}
+
+impl Check<'_> {
+    fn all(&self) -> Result<(), MaterialError> {
+        let m = self.material;
+        self.color("emission", &m.emission)?;
+        self.texture("normal map", m.normal_map.map(|(t, _)| t))?;
+        match &m.alpha {
+            Alpha::Opaque => {}
+            Alpha::Mask { value, .. } | Alpha::Blend { value } => self.scalar("alpha", value)?,
+        }
+        match &m.surface {
+            Surface::Diffuse { reflectance } => self.color("reflectance", reflectance),
+            Surface::Conductor { eta, k, roughness } => {
+                let sound =
+                    eta.is_finite() && k.is_finite() && eta.min_element() > 0.0 && k.min_element() >= 0.0;
+                let value = format!("{eta} + i {k}");
+                self.range(
+                    "index of refraction",
+                    sound,
+                    "finite, real part above 0, imaginary at least 0",
+                    value,
+                )?;
+                self.scalar("roughness", roughness)
+            }
+            Surface::Dielectric { ior, roughness, tint } => {
+                let sound = ior.is_finite() && *ior > 0.0;
+                self.range("ior", sound, "finite and above 0", ior.to_string())?;
+                self.scalar("roughness", roughness)?;
+                self.color("tint", tint)
+            }
+            Surface::MetalRough(m) => self.metal_rough(m),
+        }
+    }
+
+    fn metal_rough(&self, m: &desc::MetalRough) -> Result<(), MaterialError> {
+        // KHR_materials_ior: at least 1, or 0 for "reflects everything".
+        let sound = m.ior.is_finite() && (m.ior >= 1.0 || m.ior == 0.0);
+        self.range("ior", sound, "finite and at least 1, or 0", m.ior.to_string())?;
+        self.color("base color", &m.base_color)?;
+        self.color("specular color", &m.specular_color)?;
+        self.scalar("metallic", &m.metallic)?;
+        self.scalar("roughness", &m.roughness)?;
+        self.scalar("specular", &m.specular)?;
+        self.scalar("transmission", &m.transmission)?;
+        self.scalar("clearcoat", &m.clearcoat)?;
+        self.scalar("clearcoat roughness", &m.clearcoat_roughness)?;
+        self.texture("clearcoat normal", m.clearcoat_normal.map(|(t, _)| t))
+    }
+
+    fn color(&self, field: &'static str, p: &ColorParam) -> Result<(), MaterialError> {
+        let sound = p.factor.is_finite() && p.factor.min_element() >= 0.0;
+        self.range(field, sound, "finite and at least 0", p.factor.to_string())?;
+        self.texture(field, p.texture)
+    }
+
+    fn scalar(&self, field: &'static str, p: &ScalarParam) -> Result<(), MaterialError> {
+        self.range(field, p.factor.is_finite(), "finite", p.factor.to_string())?;
+        let channel = p.texture.map_or(0, |(_, channel)| channel);
+        self.range(field, channel < 4, "read from a texture channel in 0..4", channel.to_string())?;
+        self.texture(field, p.texture.map(|(t, _)| t))
+    }
+
+    fn texture(&self, field: &'static str, texture: Option<TextureId>) -> Result<(), MaterialError> {
+        match texture {
+            Some(TextureId(texture)) if texture as usize >= self.textures => {
+                Err(MaterialError::NoSuchTexture {
+                    material: self.material.name.clone(),
+                    field,
+                    texture,
+                    count: self.textures,
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn range(
+        &self,
+        field: &'static str,
+        sound: bool,
+        expected: &'static str,
+        value: String,
+    ) -> Result<(), MaterialError> {
+        if sound {
+            return Ok(());
+        }
+        Err(MaterialError::OutOfRange { material: self.material.name.clone(), field, expected, value })
+    }
+}

@@ -1,0 +1,142 @@
+//! Look-up of image textures.
+
+use std::sync::LazyLock;
+
+use glam::{IVec2, Vec2, Vec3, Vec4};
+
+use crate::desc::{ColorParam, Image, ScalarParam, TexelFilter, Texels, Texture, TextureId, Wrap};
+
+/// What texture look-ups need to know of a surface point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// The mesh's two sets of texture coordinates; 0 where it has none.
+    pub uv: [Vec2; 2],
+    /// Linear vertex colour with alpha; 1 where the mesh has none.
+    pub color: Vec4,
+}
+
+impl Default for SurfacePoint {
+    fn default() -> Self {
+        Self { uv: [Vec2::ZERO; 2], color: Vec4::ONE }
+    }
+}
+
+/// The sRGB curve (IEC 61966-2-1) for all 8-bit values.
+static SRGB_TO_LINEAR: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|code| srgb_to_linear(code as f32 / 255.0)));
+
+/// The sRGB curve, from an encoded value in 0..1 to a linear one.
+pub fn srgb_to_linear(encoded: f32) -> f32 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+impl Texture {
+    /// Linear RGBA at `point`.
+    ///
+    /// # Panics
+    /// If the texture's `uv_set` is above 1 or its image has fewer texels than it claims.
+    #[inline]
+    pub fn lookup(&self, point: &SurfacePoint) -> Vec4 {
+        self.lookup_uv(point.uv[usize::from(self.uv_set)])
+    }
+
+    /// Linear RGBA at the surface coordinates `uv`, before the texture's own transform.
+    /// Coordinates that are not finite read as 0.
+    pub fn lookup_uv(&self, uv: Vec2) -> Vec4 {
+        let uv = self.transform.transform_point2(uv);
+        let uv = if uv.is_finite() { uv } else { Vec2::ZERO };
+        // Tiles are taken off before scaling, so that coordinates far out keep their digits and fit an i32.
+        let uv = Vec2::new(self.wrap[0].reduce(uv.x), self.wrap[1].reduce(uv.y));
+        let size = IVec2::new(self.image.width as i32, self.image.height as i32);
+        let place = uv * size.as_vec2();
+        match self.filter {
+            TexelFilter::Nearest => self.texel(place.floor().as_ivec2(), size),
+            TexelFilter::Linear => {
+                let corner = (place - 0.5).floor();
+                let f = place - 0.5 - corner;
+                let c = corner.as_ivec2();
+                let top = self.texel(c, size).lerp(self.texel(c + IVec2::X, size), f.x);
+                let bottom = self.texel(c + IVec2::Y, size).lerp(self.texel(c + IVec2::ONE, size), f.x);
+                top.lerp(bottom, f.y)
+            }
+        }
+    }
+
+    /// The texel at `place`, wrapped.
+    #[inline]
+    fn texel(&self, place: IVec2, size: IVec2) -> Vec4 {
+        let x = self.wrap[0].texel(place.x, size.x);
+        let y = self.wrap[1].texel(place.y, size.y);
+        self.image.texel(x, y)
+    }
+}
+
+impl Image {
+    /// Linear RGBA of the texel in column `x`, row `y`.
+    ///
+    /// # Panics
+    /// If there is no such texel.
+    #[inline]
+    pub fn texel(&self, x: u32, y: u32) -> Vec4 {
+        let i = y as usize * self.width as usize + x as usize;
+        match &self.texels {
+            Texels::Srgb8(t) => {
+                let [r, g, b, a] = t[i];
+                let linear = |code: u8| SRGB_TO_LINEAR[usize::from(code)];
+                Vec4::new(linear(r), linear(g), linear(b), f32::from(a) / 255.0)
+            }
+            Texels::Linear8(t) => Vec4::from_array(t[i].map(f32::from)) / 255.0,
+            Texels::Float(t) => Vec4::from_array(t[i]),
+        }
+    }
+}
+
+impl Wrap {
+    /// A coordinate in 0..1 (0..2 where mirrored) that looks the same.
+    #[inline]
+    fn reduce(self, t: f32) -> f32 {
+        match self {
+            Self::Repeat => t - t.floor(),
+            Self::Mirror => t - 2.0 * (0.5 * t).floor(),
+            Self::Clamp => t.clamp(0.0, 1.0),
+        }
+    }
+
+    /// The column or row that stands for `i`, which may lie outside of `0..size`.
+    #[inline]
+    fn texel(self, i: i32, size: i32) -> u32 {
+        let inside = match self {
+            Self::Repeat => i.rem_euclid(size),
+            Self::Clamp => i.clamp(0, size - 1),
+            Self::Mirror => {
+                let i = i.rem_euclid(2 * size);
+                i.min(2 * size - 1 - i)
+            }
+        };
+        inside as u32
+    }
+}
+
+impl ColorParam {
+    /// Its value at `point`.
+    #[inline]
+    pub fn at(&self, point: &SurfacePoint, textures: &[Texture]) -> Vec3 {
+        match self.texture {
+            None => self.factor,
+            Some(TextureId(id)) => self.factor * textures[id as usize].lookup(point).truncate(),
+        }
+    }
+}
+
+impl ScalarParam {
+    /// Its value at `point`.
+    #[inline]
+    pub fn at(&self, point: &SurfacePoint, textures: &[Texture]) -> f32 {
+        match self.texture {
+            None => self.factor,
+            Some((TextureId(id), channel)) => {
+                self.factor * textures[id as usize].lookup(point)[usize::from(channel)]
+            }
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! Files that appear whole or not at all.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// A picture file format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OutputFormat {
+    /// OpenEXR with all channels.
+    Exr,
+    /// 8-bit sRGB.
+    Png,
+}
+
+impl OutputFormat {
+    /// The format a file name asks for.
+    ///
+    /// # Errors
+    /// When the extension is neither `.exr` nor `.png`.
+    pub fn of(path: &Path) -> Result<Self, OutputError> {
+        let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+        match extension.as_deref() {
+            Some("exr") => Ok(Self::Exr),
+            Some("png") => Ok(Self::Png),
+            _ => Err(OutputError::Extension(path.to_owned())),
+        }
+    }
+}
+
+/// Why a file could not be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum OutputError {
+    /// Neither `.exr` nor `.png`.
+    #[error("{}: unknown picture format: expected a name that ends in .exr or .png", .0.display())]
+    Extension(PathBuf),
+    /// The name belongs to something that is not a plain file.
+    #[error("{}: exists and is not a regular file", .0.display())]
+    NotAFile(PathBuf),
+    /// The file system says no.
+    #[error("{}: cannot write: {source}", .path.display())]
+    Write {
+        /// The file asked for.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The file system does not let it be read.
+    #[error("{}: cannot read: {source}", .path.display())]
+    Read {
+        /// The file asked for.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The encoder or decoder says no.
+    #[error("{}: {message}", .path.display())]
+    Format {
+        /// The file asked for.
+        path: PathBuf,
+        /// What is wrong with it.
+        message: String,
+    },
+}
+
+/// A file beside its destination, removed unless it was renamed to it.
+struct Temporary {
+    path: PathBuf,
+    keep: bool,
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        if !self.keep {
+            // Nothing sensible is left to do when even this fails.
+            let _ = fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// Creates a new file in the directory of `path`: only there is a rename atomic.
+fn create_beside(path: &Path) -> Result<(Temporary, File), OutputError> {
+    let failed = |source| OutputError::Write { path: path.to_owned(), source };
+    let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+        return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file")));
+    };
+    match fs::metadata(path) {
+        // Renaming would replace a device or pipe instead of writing to it.
+        Ok(existing) if !existing.is_file() => return Err(OutputError::NotAFile(path.to_owned())),
+        Ok(existing) if existing.permissions().readonly() => {
+            return Err(failed(io::Error::new(io::ErrorKind::PermissionDenied, "the file is read-only")));
+        }
+        _ => {}
+    }
+    let mut number = 0;
+    loop {
+        let beside = path.with_file_name(format!(".{name}.{}-{number}.part", std::process::id()));
+        match OpenOptions::new().write(true).create_new(true).open(&beside) {
+            Ok(file) => return Ok((Temporary { path: beside, keep: false }, file)),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists && number < 100 => number += 1,
+            Err(error) => return Err(failed(error)),
+        }
+    }
+}
+
+/// Finds out whether `path` could be written, leaving nothing behind.
+///
+/// # Errors
+/// When its directory is missing or not writable, or `path` is a directory, a device or read-only.
+pub fn check_writable(path: &Path) -> Result<(), OutputError> {
+    create_beside(path).map(drop)
+}
+
+/// Writes `path` by way of a temporary file in the same directory that is renamed when everything is on the disk.
+///
+/// # Errors
+/// When the file system refuses or `write` fails; `path` is then untouched and nothing is left beside it.
+pub fn write_atomically(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), OutputError>,
+) -> Result<(), OutputError> {
+    let failed = |source| OutputError::Write { path: path.to_owned(), source };
+    let (mut temporary, file) = create_beside(path)?;
+    let mut writer = BufWriter::new(file);
+    write(&mut writer)?;
+    writer.flush().map_err(failed)?;
+    writer.get_ref().sync_all().map_err(failed)?;
+    drop(writer);
+    // A symbolic link stays one: its target is what gets replaced.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    fs::rename(&temporary.path, target).map_err(failed)?;
+    temporary.keep = true;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries(dir: &Path) -> Vec<String> {
+        fs::read_dir(dir).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.txt");
+        fs::write(&path, "old").unwrap();
+        let error = write_atomically(&path, |w| {
+            w.write_all(b"half").unwrap();
+            Err(OutputError::Format { path: path.clone(), message: "broken".into() })
+        });
+        assert!(error.is_err());
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(entries(dir.path()), ["a.txt"]);
+        write_atomically(&path, |w| w.write_all(b"new").map_err(|_| unreachable!())).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "new");
+        assert_eq!(entries(dir.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_known_beforehand() {
+        let dir = tempfile::tempdir().unwrap();
+        check_writable(&dir.path().join("fine.png")).unwrap();
+        assert!(entries(dir.path()).is_empty());
+        assert!(matches!(check_writable(dir.path()), Err(OutputError::NotAFile(_))));
+        let missing = check_writable(&dir.path().join("no/such/dir/a.png")).unwrap_err();
+        assert!(missing.to_string().contains("no/such/dir/a.png: cannot write"), "{missing}");
+        assert!(check_writable(Path::new("..")).is_err());
+    }
+
+    #[test]
+    fn formats_are_told_by_the_extension() {
+        assert_eq!(OutputFormat::of(Path::new("a.EXR")).unwrap(), OutputFormat::Exr);
+        assert_eq!(OutputFormat::of(Path::new("a.b.png")).unwrap(), OutputFormat::Png);
+        let error = OutputFormat::of(Path::new("a.tif")).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "a.tif: unknown picture format: expected a name that ends in .exr or .png"
+        );
+        assert!(OutputFormat::of(Path::new("png")).is_err());
+    }
+}

@@ -59,24 +59,33 @@ impl ErrorPlane {
         &self.errors[tile as usize * TILE_PIXELS..][..TILE_PIXELS]
     }
 
+    /// Row `y` from `x0` to `x1`, in spans of at most a tile's width from left to right: the first column of
+    /// the span, and the errors.
+    pub(crate) fn row(&self, y: u32, x0: u32, x1: u32) -> impl Iterator<Item = (u32, &[AtomicU32])> {
+        (x0 / TILE_SIZE..x1.div_ceil(TILE_SIZE)).map(move |column| {
+            let left = column * TILE_SIZE;
+            let (from, to) = (x0.max(left), x1.min(left + TILE_SIZE));
+            let row =
+                &self.tile(self.grid.index(column, y / TILE_SIZE))[(y % TILE_SIZE * TILE_SIZE) as usize..];
+            (from, &row[(from - left) as usize..(to - left) as usize])
+        })
+    }
+
     /// The errors of `rect` in steps, row by row, into `out`; rejected pixels count 0.
     pub fn copy_rect(&self, rect: &PixelRect, out: &mut Vec<u32>) {
         out.clear();
         out.reserve(rect.area() as usize);
         for y in rect.y0..rect.y1 {
-            let mut x = rect.x0;
-            while x < rect.x1 {
-                let end = ((x / TILE_SIZE + 1) * TILE_SIZE).min(rect.x1);
-                let row = &self.tile(self.grid.tile_at(x, y))[(y % TILE_SIZE * TILE_SIZE) as usize..];
-                let span = &row[(x % TILE_SIZE) as usize..][..(end - x) as usize];
-                out.extend(
-                    span.iter()
-                        .map(|slot| PixelError::from_bits(slot.load(Ordering::Relaxed)).steps() as u32),
-                );
-                x = end;
+            for (_, span) in self.row(y, rect.x0, rect.x1) {
+                out.extend(span.iter().map(steps));
             }
         }
     }
+}
+
+/// The error in a slot, in steps; a rejected pixel counts 0.
+pub(crate) fn steps(slot: &AtomicU32) -> u32 {
+    PixelError::from_bits(slot.load(Ordering::Relaxed)).steps() as u32
 }
 
 #[cfg(all(test, not(any(loom, shuttle))))]

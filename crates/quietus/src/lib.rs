@@ -4,6 +4,7 @@
 pub mod active_mask;
 pub mod error_metric;
 mod error_plane;
+pub mod inspect;
 pub mod morton;
 mod pass_schedule;
 mod pixel_rect;

@@ -5,7 +5,7 @@
 //! [`SummedArea`] (Crow 1984, *Summed-Area Tables for Texture Mapping*) answers the first in constant, the
 //! second in logarithmic time. Errors are integers, so both give the same answers exactly.
 
-use crate::{Axis, ErrorPlane, PixelRect};
+use crate::{Axis, ErrorPlane, PixelRect, error_plane::steps};
 
 /// Where the running sum of marginal errors reaches half of the total.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,25 +94,27 @@ impl ErrorSums for Resummed {
 pub struct SummedArea {
     bounds: Option<PixelRect>,
     table: Vec<u64>,
-    errors: Vec<u32>,
 }
 
 impl SummedArea {
     /// Takes the errors of `rect`; memory of an earlier use is kept.
     pub fn load(&mut self, plane: &ErrorPlane, rect: PixelRect) {
-        plane.copy_rect(&rect, &mut self.errors);
         self.bounds = Some(rect);
-        let width = rect.width() as usize;
-        let stride = width + 1;
+        let stride = rect.width() as usize + 1;
         self.table.resize(stride * (rect.height() as usize + 1), 0);
         self.table[..stride].fill(0);
-        for (y, errors) in self.errors.chunks_exact(width.max(1)).enumerate() {
-            let (above, here) = self.table[y * stride..][..2 * stride].split_at_mut(stride);
-            let mut row = 0;
+        for y in rect.y0..rect.y1 {
+            let start = (y - rect.y0) as usize * stride;
+            let (above, here) = self.table[start..][..2 * stride].split_at_mut(stride);
             here[0] = 0;
-            for ((entry, above), &error) in here[1..].iter_mut().zip(&above[1..]).zip(errors) {
-                row += u64::from(error);
-                *entry = above + row;
+            let mut sum = 0;
+            for (x, span) in plane.row(y, rect.x0, rect.x1) {
+                let first = (x - rect.x0) as usize + 1;
+                let (above, here) = (&above[first..][..span.len()], &mut here[first..][..span.len()]);
+                for ((entry, above), error) in here.iter_mut().zip(above).zip(span) {
+                    sum += u64::from(steps(error));
+                    *entry = above + sum;
+                }
             }
         }
     }
@@ -143,10 +145,14 @@ impl ErrorSums for SummedArea {
             Axis::X => (rect.x0, rect.x1),
             Axis::Y => (rect.y0, rect.y1),
         };
-        // Sum of the columns (rows) before `index`.
+        // Sum of the columns (rows) before `index`; the corners at the start are looked up once.
+        let base = match axis {
+            Axis::X => self.corner(start, rect.y1) - self.corner(start, rect.y0),
+            Axis::Y => self.corner(rect.x1, start) - self.corner(rect.x0, start),
+        };
         let up_to = |index| match axis {
-            Axis::X => self.sum(&PixelRect { x1: index, ..*rect }),
-            Axis::Y => self.sum(&PixelRect { y1: index, ..*rect }),
+            Axis::X => self.corner(index, rect.y1) - self.corner(index, rect.y0) - base,
+            Axis::Y => self.corner(rect.x1, index) - self.corner(rect.x0, index) - base,
         };
         // The lowest index with 2 * up_to(index + 1) >= total.
         let (mut low, mut high) = (start, end - 1);

@@ -15,6 +15,8 @@ pub mod isa;
 pub mod material;
 pub mod sampler;
 pub mod scene;
+#[cfg(test)]
+mod testing;
 pub mod texture;
 pub mod tile;
 pub mod view;

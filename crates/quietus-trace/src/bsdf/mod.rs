@@ -168,3 +168,6 @@ impl BsdfSample {
 pub fn same_side(wi_world: Vec3, geometric_normal: Vec3, wi_local_z: f32) -> bool {
     wi_world.dot(geometric_normal) * wi_local_z > 0.0
 }
+
+#[cfg(test)]
+mod tests;

@@ -99,6 +99,12 @@ impl Camera {
         })
     }
 
+    /// Whether the lens has an extent.
+    #[inline]
+    pub(crate) fn has_lens(&self) -> bool {
+        self.lens_radius > 0.0
+    }
+
     /// The ray through `film`, in pixels from the frame's top left corner, and through the point of the lens that
     /// `lens`, in the unit disk, stands for.
     #[inline]

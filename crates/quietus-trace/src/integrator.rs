@@ -1,23 +1,278 @@
 //! One camera path: unidirectional path tracing with next-event estimation.
+//!
+//! At every surface that is not perfectly smooth one light is chosen and connected to, and the path goes on in a
+//! direction drawn from the BSDF. What both ways can find is weighted by the power heuristic (Veach 1997, section
+//! 9.2.4); what only one can find, in full: lights without extent, and emitters seen after a perfectly smooth
+//! surface, which is how caustics appear. Nothing is clamped.
 
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 
+use crate::bsdf::{Bsdf, same_side};
+use crate::bvh::{Hit, Ray};
+use crate::frame::Frame;
+use crate::geometry::offset_ray_origin;
+use crate::interaction::Interaction;
+use crate::isa::Isa;
+use crate::light::{LightSample, Target};
+use crate::sampler::{Sampler, mix64};
 use crate::scene::Scene;
 use crate::tile::{PixelWork, Sample, TileCounts};
 use crate::view::View;
+use crate::warp;
+
+/// Path segments before Russian roulette may end a path: the first bounces carry most of the picture.
+const ROULETTE_AFTER: u32 = 4;
+
+/// Dimensions of the sampler taken by the camera: place in the filter, place on the lens.
+const CAMERA_DIMENSIONS: u32 = 4;
+/// Dimensions taken by a vertex: light (1), place on it (2), lobe (1), direction (2), roulette (1), and one spare.
+const VERTEX_DIMENSIONS: u32 = 8;
+
+/// A path at work.
+struct Path<'a, I> {
+    isa: I,
+    scene: &'a Scene,
+    sampler: Sampler,
+    /// Source of the decisions about surfaces of partial coverage, whose number is not known beforehand.
+    coverage_key: u64,
+    origin: Vec3,
+    /// Of unit length.
+    direction: Vec3,
+    /// The point [`Self::origin`] was moved from: next-event estimation there spoke of this one.
+    vertex: Vec3,
+    /// Density per steradian of [`Self::direction`]; infinite where nothing else can find it.
+    pdf: f32,
+    throughput: Vec3,
+    /// Product of `eta^2` so far: what refraction has taken from the throughput without losing energy.
+    eta2: f32,
+    sample: Sample,
+    /// Whether albedo and normal have been found.
+    guided: bool,
+}
 
 /// Sample `index` of the pixel of `run`.
-pub(crate) fn sample(
+#[inline(always)]
+pub(crate) fn sample<I: Isa>(
+    isa: I,
     scene: &Scene,
     view: &View,
     run: &PixelWork,
     index: u32,
     counts: &mut TileCounts,
 ) -> Sample {
-    let _ = (scene, index);
-    let film = Vec2::new(run.x as f32 + 0.5, run.y as f32 + 0.5) + view.filter.sample(Vec2::splat(0.5));
-    let _ = view.camera.ray(film, Vec2::ZERO);
-    let _ = (view.max_depth, view.seed);
+    let mut sampler = Sampler::new(view.seed, run.x, run.y, run.replicate, index);
+    let film = Vec2::new(run.x as f32 + 0.5, run.y as f32 + 0.5) + view.filter.sample(sampler.next_2d());
+    let lens = if view.camera.has_lens() { warp::disk(sampler.next_2d()) } else { Vec2::ZERO };
+    let ray = view.camera.ray(film, lens);
+    let mut path = Path {
+        isa,
+        scene,
+        sampler,
+        coverage_key: sampler.bits(),
+        origin: ray.origin,
+        direction: ray.direction,
+        vertex: ray.origin,
+        pdf: f32::INFINITY,
+        throughput: Vec3::ONE,
+        eta2: 1.0,
+        sample: Sample::default(),
+        guided: false,
+    };
     counts.paths += 1;
-    Sample::default()
+    for depth in 1..=view.max_depth {
+        counts.rays += 1;
+        let Some(hit) = path.closest(depth) else {
+            path.escape();
+            break;
+        };
+        let surface = scene.interaction(&hit, path.origin, path.direction);
+        if depth == 1 {
+            path.sample.alpha = 1.0;
+            path.sample.depth = hit.t * ray.axis_cosine;
+        }
+        let emission = path.emission(&hit, &surface);
+        let frame = path.frame(&hit, &surface);
+        let bsdf = scene.materials.bsdf(surface.material, &surface.surface);
+        path.guide(emission, &frame, &bsdf);
+        if depth == view.max_depth || matches!(bsdf, Bsdf::Black) {
+            break;
+        }
+        path.sampler.start_dimension(CAMERA_DIMENSIONS + depth * VERTEX_DIMENSIONS);
+        counts.rays += u64::from(path.next_event(&surface, &frame, &bsdf, depth));
+        if !path.scatter(&surface, &frame, &bsdf, depth) {
+            break;
+        }
+    }
+    path.sample
+}
+
+impl<I: Isa> Path<'_, I> {
+    /// What the next segment hits.
+    #[inline(always)]
+    fn closest(&self, depth: u32) -> Option<Hit> {
+        let ray = Ray { origin: self.origin, direction: self.direction, t_min: 0.0, t_max: f32::INFINITY };
+        self.scene.accel.closest(self.isa, &ray, |hit| self.covers(hit, &ray, 2 * depth))
+    }
+
+    /// Whether a surface of partial coverage counts. Every place of every segment (`salt`) decides by itself, and
+    /// always the same way, however often it is asked.
+    fn covers(&self, hit: &Hit, ray: &Ray, salt: u32) -> bool {
+        let coverage = self.scene.coverage(hit, ray.origin, ray.direction);
+        if coverage <= 0.0 || coverage >= 1.0 {
+            return coverage > 0.0;
+        }
+        let place = u64::from(hit.instance) << 32 | u64::from(hit.shape) << 40 ^ u64::from(hit.primitive);
+        let entry = u64::from(hit.t.to_bits()) << 32 | u64::from(salt);
+        let bits = mix64(mix64(self.coverage_key ^ place) ^ entry);
+        ((bits >> 40) as f32) < coverage * (1u32 << 24) as f32
+    }
+
+    /// Nothing was hit: adds the environment.
+    #[inline(always)]
+    fn escape(&mut self) {
+        let Some(environment) = self.scene.environment() else { return };
+        let radiance = environment.radiance(self.direction);
+        let weight = if self.pdf == f32::INFINITY {
+            1.0
+        } else {
+            power_heuristic(self.pdf, self.scene.lights.pdf_of_environment(self.vertex, self.direction))
+        };
+        self.sample.radiance += self.throughput * radiance * weight;
+        if !self.guided {
+            self.sample.albedo = radiance.min(Vec3::ONE);
+        }
+    }
+
+    /// Adds what the surface emits towards the path; returns it.
+    #[inline(always)]
+    fn emission(&mut self, hit: &Hit, surface: &Interaction) -> Vec3 {
+        let materials = &self.scene.materials;
+        let only_way = self.pdf == f32::INFINITY;
+        if let Some(color) = materials.unlit_color(surface.material, &surface.surface) {
+            // Shown, but lighting nothing: only where it is seen directly or through mirrors and glass.
+            let shown = if only_way { color } else { Vec3::ZERO };
+            self.sample.radiance += self.throughput * shown;
+            return shown;
+        }
+        if !materials.emits(surface.material) {
+            return Vec3::ZERO;
+        }
+        let front = self.direction.dot(surface.geometric_normal) < 0.0;
+        let radiance = materials.emission(surface.material, &surface.surface, front);
+        if radiance != Vec3::ZERO {
+            let weight = if only_way {
+                1.0
+            } else {
+                let distance = surface.position.distance(self.vertex);
+                let light_pdf = self.scene.light_pdf(hit, self.vertex, self.direction, distance);
+                power_heuristic(self.pdf, light_pdf)
+            };
+            self.sample.radiance += self.throughput * radiance * weight;
+        }
+        radiance
+    }
+
+    /// The shading frame.
+    #[inline(always)]
+    fn frame(&self, hit: &Hit, surface: &Interaction) -> Frame {
+        let materials = &self.scene.materials;
+        let frame = if materials.has_normal_map(surface.material) {
+            let tangents = self.scene.tangent_frame(hit, surface.shading_normal);
+            materials.shading_frame(surface.material, &surface.surface, &tangents)
+        } else {
+            Frame::from_normal(surface.shading_normal)
+        };
+        // A shading normal that shows the surface's other side would make it black at its silhouette.
+        let toward = self.direction.dot(frame.normal) * self.direction.dot(surface.geometric_normal);
+        if toward > 0.0 { frame } else { Frame::from_normal(surface.geometric_normal) }
+    }
+
+    /// Records albedo and normal at the first surface that is not a perfect mirror or glass.
+    #[inline(always)]
+    fn guide(&mut self, emission: Vec3, frame: &Frame, bsdf: &Bsdf) {
+        let emits = emission != Vec3::ZERO;
+        if self.guided || (bsdf.is_delta() && !matches!(bsdf, Bsdf::Black) && !emits) {
+            return;
+        }
+        self.guided = true;
+        self.sample.albedo = if emits { emission.min(Vec3::ONE) } else { bsdf.albedo() };
+        self.sample.normal = frame.normal;
+    }
+
+    /// Connects the surface to one light; returns whether a ray was traced.
+    #[inline(always)]
+    fn next_event(&mut self, surface: &Interaction, frame: &Frame, bsdf: &Bsdf, depth: u32) -> bool {
+        let (u_light, u) = (self.sampler.next_1d(), self.sampler.next_2d());
+        if bsdf.is_delta() {
+            return false;
+        }
+        let Some(light) = self.scene.sample_light(surface.position, u_light, u) else { return false };
+        let (wo, wi) = (frame.to_local(-self.direction), frame.to_local(light.direction));
+        if !same_side(light.direction, surface.geometric_normal, wi.z) {
+            return false;
+        }
+        let (value, bsdf_pdf) = bsdf.eval_pdf(wo, wi);
+        let weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, bsdf_pdf) };
+        let contribution = self.throughput * value * light.radiance * (weight / light.pdf);
+        if contribution == Vec3::ZERO {
+            return false;
+        }
+        let ray = shadow_ray(surface, &light);
+        let covers = |hit: &Hit| self.covers(hit, &ray, 2 * depth + 1);
+        if !self.scene.accel.occluded(self.isa, &ray, covers) {
+            self.sample.radiance += contribution;
+        }
+        true
+    }
+
+    /// Draws the next direction; returns whether the path goes on.
+    #[inline(always)]
+    fn scatter(&mut self, surface: &Interaction, frame: &Frame, bsdf: &Bsdf, depth: u32) -> bool {
+        let (u_lobe, u) = (self.sampler.next_1d(), self.sampler.next_2d());
+        let Some(scattered) = bsdf.sample(frame.to_local(-self.direction), u_lobe, u) else { return false };
+        let direction = frame.to_world(scattered.wi).normalize();
+        if !same_side(direction, surface.geometric_normal, scattered.wi.z) {
+            return false;
+        }
+        self.throughput *= scattered.weight;
+        self.eta2 *= scattered.eta * scattered.eta;
+        self.pdf = if scattered.delta { f32::INFINITY } else { scattered.pdf };
+        self.vertex = surface.position;
+        self.origin = surface.leave(direction);
+        self.direction = direction;
+        self.survives(depth)
+    }
+
+    /// Russian roulette by what the path can still carry.
+    #[inline(always)]
+    fn survives(&mut self, depth: u32) -> bool {
+        let carried = self.throughput.max_element() * self.eta2;
+        if depth < ROULETTE_AFTER || carried >= 1.0 {
+            return carried > 0.0;
+        }
+        let survives = self.sampler.next_1d() < carried;
+        self.throughput /= carried;
+        survives
+    }
+}
+
+/// The segment between a surface and a light, both ends moved off their surfaces.
+#[inline(always)]
+fn shadow_ray(surface: &Interaction, light: &LightSample) -> Ray {
+    let origin = surface.leave(light.direction);
+    match light.target {
+        None => Ray { origin, direction: light.direction, t_min: 0.0, t_max: f32::INFINITY },
+        Some(Target { position, error, normal }) => {
+            let end = offset_ray_origin(position, error, normal, -light.direction);
+            Ray { origin, direction: end - origin, t_min: 0.0, t_max: 1.0 }
+        }
+    }
+}
+
+/// Weight of a sample of density `own` where another strategy has the density `other` (Veach 1997, section 9.2.4,
+/// exponent 2), in the form that neither overflows nor divides 0 by 0.
+#[inline(always)]
+fn power_heuristic(own: f32, other: f32) -> f32 {
+    let ratio = other / own;
+    1.0 / (1.0 + ratio * ratio)
 }

@@ -138,6 +138,11 @@ impl MaterialTable {
         self.material(id).emission.factor != Vec3::ZERO
     }
 
+    /// Whether emission differs from place to place.
+    pub fn emission_is_textured(&self, id: MaterialId) -> bool {
+        self.material(id).emission.texture.is_some()
+    }
+
     /// Whether the back side emits too.
     #[inline]
     pub fn emits_two_sided(&self, id: MaterialId) -> bool {

@@ -1,8 +1,16 @@
 //! A scene ready to be drawn, compiled from its description.
 
+mod check;
+mod compile;
+
+use glam::{Vec2, Vec3};
 use thiserror::Error;
 
-use crate::desc::SceneDesc;
+use crate::bvh::{Accel, Bounds, Hit};
+use crate::desc::{Geometry, MaterialId, SceneDesc};
+use crate::interaction::{Interaction, Placement, mesh_surface, sphere_surface};
+use crate::light::{Environment, Found, LightSample, Lights};
+use crate::material::{MaterialError, MaterialTable, SurfacePoint};
 
 /// Why a description cannot be drawn. Every message names the part by its index and, where it has one, its name.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -43,19 +51,134 @@ pub enum SceneBuildError {
         /// Its range.
         expected: &'static str,
     },
+    /// A texture or material cannot be used.
+    #[error(transparent)]
+    Material(#[from] MaterialError),
 }
 
 /// A scene compiled for rendering; shared by all threads.
 #[derive(Debug)]
-pub struct Scene {}
+pub struct Scene {
+    pub(crate) accel: Accel,
+    pub(crate) materials: MaterialTable,
+    pub(crate) lights: Lights,
+    instances: Vec<PlacedObject>,
+    /// The shapes of all objects, object after object.
+    shapes: Vec<CompiledShape>,
+    /// For every shape of every instance the number of its first light among its kind, or [`NO_LIGHT`].
+    first_lights: Vec<u32>,
+}
+
+/// Stands for "emits nothing" in [`Scene::first_lights`].
+const NO_LIGHT: u32 = u32::MAX;
+
+#[derive(Clone, Copy, Debug)]
+struct PlacedObject {
+    placement: Placement,
+    /// Where its shapes start in [`Scene::shapes`].
+    first_shape: u32,
+    /// Where its shapes start in [`Scene::first_lights`].
+    first_slot: u32,
+}
+
+#[derive(Clone, Debug)]
+struct CompiledShape {
+    geometry: Geometry,
+    material: MaterialId,
+}
 
 impl Scene {
-    /// Checks `desc` and compiles it.
+    /// Checks `desc` and compiles it; meshes and images stay shared with it. Uses all threads of rayon's pool.
     ///
     /// # Errors
     /// The first index, length or number that is out of range, see [`SceneBuildError`].
     pub fn build(desc: &SceneDesc) -> Result<Self, SceneBuildError> {
-        let _ = desc;
-        Ok(Self {})
+        let materials = MaterialTable::compile(&desc.textures, &desc.materials)?;
+        check::scene(desc)?;
+        Ok(compile::scene(desc, materials))
+    }
+
+    /// Bounds of all surfaces, in the world.
+    pub fn bounds(&self) -> Bounds {
+        self.accel.bounds()
+    }
+
+    /// What lies infinitely far away, if anything does.
+    #[inline(always)]
+    pub(crate) fn environment(&self) -> Option<&Environment> {
+        self.lights.environment()
+    }
+
+    #[inline(always)]
+    fn shape(&self, instance: u32, shape: u32) -> (&PlacedObject, &CompiledShape) {
+        let placed = &self.instances[instance as usize];
+        (placed, &self.shapes[(placed.first_shape + shape) as usize])
+    }
+
+    /// The surface at `hit`, found along a ray from `origin` in `direction` (of unit length).
+    #[inline(always)]
+    pub(crate) fn interaction(&self, hit: &Hit, origin: Vec3, direction: Vec3) -> Interaction {
+        let (placed, shape) = self.shape(hit.instance, hit.shape);
+        Interaction::new(&shape.geometry, shape.material, &placed.placement, hit, origin, direction)
+    }
+
+    /// The frame normal maps want at `hit`, around the shading normal `normal`.
+    pub(crate) fn tangent_frame(&self, hit: &Hit, normal: Vec3) -> crate::frame::Frame {
+        let (placed, shape) = self.shape(hit.instance, hit.shape);
+        crate::interaction::tangent_frame(&shape.geometry, &placed.placement, hit, normal)
+    }
+
+    /// Coverage at a hit of a ray from `origin` in `direction`.
+    pub(crate) fn coverage(&self, hit: &Hit, origin: Vec3, direction: Vec3) -> f32 {
+        let (placed, shape) = self.shape(hit.instance, hit.shape);
+        let surface = match &shape.geometry {
+            Geometry::Mesh(mesh) => mesh_surface(mesh, hit.primitive, hit.u, hit.v),
+            Geometry::Sphere { center, .. } => {
+                let point = placed.placement.to_object.transform_point3(origin + hit.t * direction);
+                sphere_surface((point - center).normalize_or(Vec3::Y))
+            }
+        };
+        self.materials.alpha(shape.material, &surface)
+    }
+
+    /// Chooses a light and a direction to it from `from`, for random numbers in `[0, 1)`.
+    #[inline(always)]
+    pub(crate) fn sample_light(&self, from: Vec3, u_light: f32, u: Vec2) -> Option<LightSample> {
+        match self.lights.sample(from, u_light, u)? {
+            Found::Light(sample) => Some(sample),
+            Found::Triangle(emitter, barycentric, sample) => {
+                let (_, shape) = self.shape(emitter.instance, emitter.shape);
+                let Geometry::Mesh(mesh) = &shape.geometry else { return None };
+                let surface = mesh_surface(mesh, emitter.primitive, barycentric.x, barycentric.y);
+                Some(LightSample { radiance: self.visible_emission(shape.material, &surface), ..sample })
+            }
+            Found::Sphere(emitter, outward, sample) => {
+                let (_, shape) = self.shape(emitter.instance, emitter.shape);
+                let surface = sphere_surface(outward);
+                Some(LightSample { radiance: self.visible_emission(shape.material, &surface), ..sample })
+            }
+        }
+    }
+
+    /// Emission times coverage, on a side that emits.
+    fn visible_emission(&self, material: MaterialId, surface: &SurfacePoint) -> Vec3 {
+        self.materials.emission(material, surface, true) * self.materials.alpha(material, surface)
+    }
+
+    /// Density per steradian with which [`Self::sample_light`] at `from` chooses the point that a ray from there in
+    /// `direction` (of unit length) hit at `distance`.
+    #[inline(always)]
+    pub(crate) fn light_pdf(&self, hit: &Hit, from: Vec3, direction: Vec3, distance: f32) -> f32 {
+        let (placed, shape) = self.shape(hit.instance, hit.shape);
+        let first = self.first_lights[(placed.first_slot + hit.shape) as usize];
+        if first == NO_LIGHT {
+            return 0.0;
+        }
+        match shape.geometry {
+            Geometry::Mesh(_) => {
+                self.lights.pdf_of_triangle(first + hit.primitive, from, direction, distance)
+            }
+            Geometry::Sphere { .. } => self.lights.pdf_of_sphere(first, from, direction),
+        }
     }
 }

@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use crate::integrator;
+use crate::isa::{Isa, Job};
 use crate::scene::Scene;
 use crate::view::View;
 
@@ -65,12 +67,28 @@ impl std::ops::AddAssign for TileCounts {
 /// A sample depends on the scene, the view and its (pixel, replicate, index) alone: neither on what else is in
 /// `work` nor on the thread. Same binary and same instruction set, same bits.
 pub fn render_tile(scene: &Scene, view: &View, work: &[PixelWork], sink: &mut impl SampleSink) -> TileCounts {
-    let mut counts = TileCounts::default();
-    for run in work {
-        for index in run.first..run.first + run.count {
-            let sample = crate::integrator::sample(scene, view, run, index, &mut counts);
-            sink.add(run, index, &sample);
+    view.level.run(TileJob { scene, view, work, sink })
+}
+
+struct TileJob<'a, S> {
+    scene: &'a Scene,
+    view: &'a View,
+    work: &'a [PixelWork],
+    sink: &'a mut S,
+}
+
+impl<S: SampleSink> Job for TileJob<'_, S> {
+    type Output = TileCounts;
+
+    #[inline(always)] // into the function that carries the target features
+    fn run<I: Isa>(self, isa: I) -> TileCounts {
+        let mut counts = TileCounts::default();
+        for run in self.work {
+            for index in run.first..run.first + run.count {
+                let sample = integrator::sample(isa, self.scene, self.view, run, index, &mut counts);
+                self.sink.add(run, index, &sample);
+            }
         }
+        counts
     }
-    counts
 }

@@ -3,6 +3,7 @@
 use crate::camera::{Camera, CameraError};
 use crate::desc;
 use crate::filter::{Filter, FilterSampler};
+use crate::isa::Level;
 
 /// Settings of one picture, checked and prepared.
 #[derive(Clone, Debug)]
@@ -11,6 +12,7 @@ pub struct View {
     pub(crate) filter: FilterSampler,
     pub(crate) max_depth: u32,
     pub(crate) seed: u64,
+    pub(crate) level: Level,
 }
 
 impl View {
@@ -33,6 +35,12 @@ impl View {
             filter: FilterSampler::new(filter),
             max_depth,
             seed,
+            level: Level::detect(),
         })
+    }
+
+    /// The same view drawn with other instructions than the widest there are.
+    pub fn with_level(self, level: Level) -> Self {
+        Self { level, ..self }
     }
 }

@@ -8,7 +8,8 @@
 mod owen;
 
 use glam::Vec2;
-use owen::{laine_karras, mix64, sobol_second_reversed, to_unit};
+pub(crate) use owen::mix64;
+use owen::{laine_karras, sobol_second_reversed, to_unit};
 
 /// Odd, from the golden ratio: spreads consecutive dimensions over all bits before they are mixed.
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
@@ -61,6 +62,13 @@ impl Sampler {
         let x = laine_karras(index, (seeds >> 32) as u32);
         let y = laine_karras(sobol_second_reversed(index), (seeds.wrapping_mul(GOLDEN) >> 32) as u32);
         Vec2::new(to_unit(x.reverse_bits()), to_unit(y.reverse_bits()))
+    }
+
+    /// Hashed bits of this sample and the current dimension: the seed of decisions whose number is not known
+    /// beforehand. Takes no dimension.
+    #[inline]
+    pub(crate) fn bits(&self) -> u64 {
+        mix64(self.dimension_seeds() ^ u64::from(self.reversed_index))
     }
 
     /// Independent bits for the scrambles of the current dimension.

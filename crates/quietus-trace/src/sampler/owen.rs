@@ -3,7 +3,7 @@
 /// 64-bit finaliser of SplitMix (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators",
 /// with the constants of Stafford's variant 13): a bijection whose every output bit depends on every input bit.
 #[inline]
-pub(super) fn mix64(mut x: u64) -> u64 {
+pub(crate) fn mix64(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     x ^ (x >> 31)

@@ -1,0 +1,153 @@
+//! Discrete distributions to draw from: an alias table for many lights, rows of distribution functions for maps.
+
+use glam::Vec2;
+
+/// Draws an index in proportion to its weight in constant time (Walker 1974; built as in Vose 1991).
+#[derive(Clone, Debug, Default)]
+pub(crate) struct AliasTable {
+    bins: Vec<Bin>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Bin {
+    /// The share of this bin that keeps its own index; the rest is `alias`'s.
+    keep: f32,
+    alias: u32,
+    /// Probability of this index, over all bins.
+    probability: f32,
+}
+
+impl AliasTable {
+    /// A table over `weights`, each finite and at least 0. Where all are 0 the table is empty.
+    pub(crate) fn new(weights: &[f64]) -> Self {
+        let total: f64 = weights.iter().sum();
+        if total <= 0.0 {
+            return Self::default();
+        }
+        let scale = weights.len() as f64 / total;
+        let mut rest: Vec<f64> = weights.iter().map(|w| w * scale).collect();
+        let mut bins: Vec<Bin> = (0u32..)
+            .zip(weights)
+            .map(|(alias, w)| Bin { keep: 1.0, alias, probability: (w / total) as f32 })
+            .collect();
+        let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..rest.len()).partition(|&i| rest[i] < 1.0);
+        while let (Some(&s), Some(&l)) = (small.last(), large.last()) {
+            small.pop();
+            bins[s].keep = rest[s] as f32;
+            bins[s].alias = l as u32;
+            rest[l] -= 1.0 - rest[s];
+            if rest[l] < 1.0 {
+                large.pop();
+                small.push(l);
+            }
+        }
+        // Rounding may leave a bin of weight 0 without a partner; it must not come up all the same.
+        let heaviest = (0..weights.len()).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
+        for i in small.into_iter().filter(|&i| weights[i] == 0.0) {
+            bins[i].keep = 0.0;
+            bins[i].alias = heaviest as u32;
+        }
+        Self { bins }
+    }
+
+    /// An index and its probability, for `u` in `[0, 1)`; none from an empty table.
+    #[inline]
+    pub(crate) fn sample(&self, u: f32) -> Option<(u32, f32)> {
+        let scaled = u * self.bins.len() as f32;
+        let slot = (scaled as usize).min(self.bins.len().checked_sub(1)?);
+        let bin = &self.bins[slot];
+        let index = if scaled - (slot as f32) < bin.keep { slot as u32 } else { bin.alias };
+        Some((index, self.bins[index as usize].probability))
+    }
+
+    /// Probability of `index`; 0 beyond the end.
+    #[inline]
+    pub(crate) fn probability(&self, index: u32) -> f32 {
+        self.bins.get(index as usize).map_or(0.0, |bin| bin.probability)
+    }
+}
+
+/// A piecewise constant density over the unit square, by rows: first the row, then the column in it.
+#[derive(Clone, Debug)]
+pub(crate) struct PiecewiseConstant2d {
+    width: usize,
+    height: usize,
+    /// `height + 1` values, 0 to 1.
+    rows: Vec<f32>,
+    /// `width + 1` values per row, 0 to 1.
+    columns: Vec<f32>,
+}
+
+impl PiecewiseConstant2d {
+    /// The density in proportion to `weights`, `width` per row, each finite and at least 0; none where all are 0.
+    pub(crate) fn new(width: usize, weights: &[f32]) -> Option<Self> {
+        let height = weights.len() / width;
+        let mut columns = Vec::with_capacity((width + 1) * height);
+        let mut row_sums = Vec::with_capacity(height);
+        for row in weights.chunks_exact(width) {
+            row_sums.push(row.iter().map(|&w| f64::from(w)).sum());
+            push_distribution(&mut columns, row.iter().map(|&w| f64::from(w)));
+        }
+        let mut rows = Vec::with_capacity(height + 1);
+        push_distribution(&mut rows, row_sums.iter().copied());
+        (row_sums.iter().sum::<f64>() > 0.0).then_some(Self { width, height, rows, columns })
+    }
+
+    /// A point of the unit square (x along the row) and its density.
+    #[inline]
+    pub(crate) fn sample(&self, u: Vec2) -> (Vec2, f32) {
+        let (row, y, row_mass) = invert(&self.rows, u.y);
+        let (column, x, column_mass) = invert(self.row(row), u.x);
+        let point = Vec2::new((column as f32 + x) / self.width as f32, (row as f32 + y) / self.height as f32);
+        (point, row_mass * column_mass * (self.width * self.height) as f32)
+    }
+
+    /// The density at a point of the unit square.
+    ///
+    /// Computed from the rounded distribution functions that [`Self::sample`] inverts, so that the two agree even
+    /// in cells whose share is lost in rounding.
+    #[inline]
+    pub(crate) fn density(&self, point: Vec2) -> f32 {
+        let column = ((point.x * self.width as f32) as usize).min(self.width - 1);
+        let row = ((point.y * self.height as f32) as usize).min(self.height - 1);
+        let columns = self.row(row);
+        let mass = (self.rows[row + 1] - self.rows[row]) * (columns[column + 1] - columns[column]);
+        mass * (self.width * self.height) as f32
+    }
+
+    #[inline]
+    fn row(&self, row: usize) -> &[f32] {
+        &self.columns[row * (self.width + 1)..][..self.width + 1]
+    }
+}
+
+/// Appends the distribution function of `weights`, from 0 to 1; all 0 where the weights are.
+fn push_distribution(cdf: &mut Vec<f32>, weights: impl Iterator<Item = f64> + Clone) {
+    let total: f64 = weights.clone().sum();
+    let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
+    let mut sum = 0.0;
+    cdf.push(0.0);
+    cdf.extend(weights.map(|w| {
+        sum += w;
+        ((sum * scale) as f32).min(1.0)
+    }));
+    if total > 0.0 {
+        // Sums may end a little off 1; cells of weight 0 at the end must keep their mass of 0.
+        let last = *cdf.last().unwrap_or(&1.0);
+        for value in cdf.iter_mut().rev().take_while(|value| **value == last) {
+            *value = 1.0;
+        }
+    }
+}
+
+/// The cell of `cdf` that holds `u`, the place in it (0..1), and the cell's mass (above 0).
+#[inline]
+fn invert(cdf: &[f32], u: f32) -> (usize, f32, f32) {
+    let cell = cdf.partition_point(|&c| c <= u).saturating_sub(1).min(cdf.len() - 2);
+    let mass = cdf[cell + 1] - cdf[cell];
+    let place = if mass > 0.0 { ((u - cdf[cell]) / mass).clamp(0.0, ONE_BELOW) } else { 0.5 };
+    (cell, place, mass)
+}
+
+/// The largest number below 1.
+const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;

@@ -1,0 +1,208 @@
+//! Lights, and how next-event estimation finds them.
+//!
+//! All lights stand in one order: emissive triangles, emissive spheres, lights without extent, the environment. A
+//! light is chosen by [`LightSelector`], then a direction to it. Densities are per steradian at the point that
+//! asks; for a light that also has a surface (or surrounds the scene) the same density can be had for a direction
+//! found otherwise, which multiple importance sampling needs.
+
+mod distribution;
+mod environment;
+mod punctual;
+mod select;
+mod sphere;
+mod triangle;
+
+use glam::{Vec2, Vec3};
+
+use crate::desc;
+pub(crate) use environment::Environment;
+pub(crate) use punctual::PunctualLight;
+use select::LightSelector;
+pub(crate) use sphere::SphereLight;
+pub(crate) use triangle::TriangleLight;
+
+/// Luminance of linear Rec.709.
+#[inline]
+pub(crate) fn luminance(color: Vec3) -> f32 {
+    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
+/// A place a shadow ray runs to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Target {
+    pub(crate) position: Vec3,
+    /// Bound on how far the position may be off, per axis.
+    pub(crate) error: Vec3,
+    /// Normal of the light's surface; 0 where it has none.
+    pub(crate) normal: Vec3,
+}
+
+/// A direction to a light.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LightSample {
+    /// Towards the light, of unit length.
+    pub(crate) direction: Vec3,
+    /// Where the light is; none for infinitely far.
+    pub(crate) target: Option<Target>,
+    /// Radiance that arrives unless something is in between; for a delta light the irradiance on a surface that
+    /// faces it.
+    pub(crate) radiance: Vec3,
+    /// Density per steradian of this direction, or the probability of a delta light.
+    pub(crate) pdf: f32,
+    /// Whether no other strategy can find this light.
+    pub(crate) delta: bool,
+}
+
+impl LightSample {
+    #[inline]
+    fn from_infinity(direction: Vec3, radiance: Vec3, pdf: f32) -> Self {
+        Self { direction, target: None, radiance, pdf, delta: false }
+    }
+}
+
+/// A point on an emissive surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AreaSample {
+    pub(crate) target: Target,
+    /// From the point that asks to the surface, of unit length.
+    pub(crate) direction: Vec3,
+    /// Density per steradian of `direction`.
+    pub(crate) pdf: f32,
+    /// Whether the front of the surface is seen.
+    pub(crate) front: bool,
+}
+
+/// An emissive triangle or sphere, and where in the scene it stands.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Emitter<G> {
+    pub(crate) geometry: G,
+    pub(crate) instance: u32,
+    pub(crate) shape: u32,
+    pub(crate) primitive: u32,
+    /// Radiance averaged over the surface; exact where nothing is textured.
+    pub(crate) radiance: Vec3,
+    /// Whether radiance or coverage differ from place to place.
+    pub(crate) varies: bool,
+    pub(crate) two_sided: bool,
+}
+
+impl<G> Emitter<G> {
+    fn power(&self, area: f32) -> f32 {
+        let sides = if self.two_sided { 2.0 } else { 1.0 };
+        std::f32::consts::PI * area * sides * luminance(self.radiance)
+    }
+}
+
+/// What [`Lights::sample`] found.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Found<'a> {
+    /// All there is to know.
+    Light(LightSample),
+    /// A point on a mesh whose emission or coverage varies: `radiance` is not yet known. The vector holds the
+    /// barycentric coordinates of the second and third corner.
+    Triangle(&'a Emitter<TriangleLight>, Vec2, LightSample),
+    /// The same for a sphere; the vector is the object-space normal.
+    Sphere(&'a Emitter<SphereLight>, Vec3, LightSample),
+}
+
+/// All lights of a scene.
+#[derive(Debug, Default)]
+pub(crate) struct Lights {
+    triangles: Vec<Emitter<TriangleLight>>,
+    spheres: Vec<Emitter<SphereLight>>,
+    punctual: Vec<PunctualLight>,
+    environment: Option<Environment>,
+    selector: LightSelector,
+}
+
+impl Lights {
+    /// Collects the lights of a scene; their order decides about the numbers [`Self::pdf_of_triangle`] and
+    /// [`Self::pdf_of_sphere`] want.
+    pub(crate) fn new(
+        triangles: Vec<Emitter<TriangleLight>>,
+        spheres: Vec<Emitter<SphereLight>>,
+        lights: &[desc::Light],
+        environment: Option<&desc::Environment>,
+    ) -> Self {
+        let mut punctual: Vec<_> = lights.iter().map(PunctualLight::new).collect();
+        punctual.sort_by_key(PunctualLight::is_infinite);
+        let near = punctual.iter().take_while(|light| !light.is_infinite()).count();
+        let environment = environment.map(Environment::new);
+        let mut local: Vec<f32> = triangles.iter().map(|t| t.power(t.geometry.area())).collect();
+        local.extend(spheres.iter().map(|s| s.power(s.geometry.area())));
+        local.extend(punctual[..near].iter().map(PunctualLight::power));
+        let mut infinite: Vec<f32> = punctual[near..].iter().map(PunctualLight::power).collect();
+        infinite.extend(environment.iter().map(Environment::mean_irradiance));
+        let selector = LightSelector::new(&local, &infinite);
+        Self { triangles, spheres, punctual, environment, selector }
+    }
+
+    /// The environment, if there is one.
+    pub(crate) fn environment(&self) -> Option<&Environment> {
+        self.environment.as_ref()
+    }
+
+    /// Chooses a light and a direction to it from `from`; none where the light cannot be seen from there or shows
+    /// its dark side. The density contains the choice of the light.
+    #[inline]
+    pub(crate) fn sample(&self, from: Vec3, u_light: f32, u: Vec2) -> Option<Found<'_>> {
+        let (light, probability) = self.selector.sample(from, u_light)?;
+        let index = light as usize;
+        if let Some(emitter) = self.triangles.get(index) {
+            let (area, barycentric) = emitter.geometry.sample(from, u)?;
+            let sample = emitter.light_sample(&area, probability)?;
+            let found = Found::Triangle(emitter, barycentric, sample);
+            return Some(if emitter.varies { found } else { Found::Light(sample) });
+        }
+        let index = index - self.triangles.len();
+        if let Some(emitter) = self.spheres.get(index) {
+            let (area, outward) = emitter.geometry.sample(from, u)?;
+            let sample = emitter.light_sample(&area, probability)?;
+            let found = Found::Sphere(emitter, outward, sample);
+            return Some(if emitter.varies { found } else { Found::Light(sample) });
+        }
+        let index = index - self.spheres.len();
+        let sample = match self.punctual.get(index) {
+            Some(light) => light.sample(from),
+            None => self.environment.as_ref()?.sample(u),
+        };
+        sample.map(|sample| Found::Light(LightSample { pdf: sample.pdf * probability, ..sample }))
+    }
+
+    /// Density with which [`Self::sample`] chooses the point at `distance` along `direction` on triangle light
+    /// number `index`.
+    #[inline]
+    pub(crate) fn pdf_of_triangle(&self, index: u32, from: Vec3, direction: Vec3, distance: f32) -> f32 {
+        let probability = self.selector.probability(from, index);
+        probability * self.triangles[index as usize].geometry.pdf(direction, distance)
+    }
+
+    /// Density with which [`Self::sample`] chooses `direction`, which hits sphere light number `index`.
+    #[inline]
+    pub(crate) fn pdf_of_sphere(&self, index: u32, from: Vec3, direction: Vec3) -> f32 {
+        let probability = self.selector.probability(from, self.triangles.len() as u32 + index);
+        probability * self.spheres[index as usize].geometry.pdf(from, direction)
+    }
+
+    /// Density with which [`Self::sample`] chooses the environment in `direction`.
+    #[inline]
+    pub(crate) fn pdf_of_environment(&self, from: Vec3, direction: Vec3) -> f32 {
+        let Some(environment) = &self.environment else { return 0.0 };
+        let light = self.triangles.len() + self.spheres.len() + self.punctual.len();
+        self.selector.probability(from, light as u32) * environment.pdf(direction)
+    }
+}
+
+impl<G> Emitter<G> {
+    /// Completes a point on the surface; none where its side is dark.
+    #[inline]
+    fn light_sample(&self, area: &AreaSample, probability: f32) -> Option<LightSample> {
+        (area.front || self.two_sided).then_some(LightSample {
+            direction: area.direction,
+            target: Some(area.target),
+            radiance: self.radiance,
+            pdf: area.pdf * probability,
+            delta: false,
+        })
+    }
+}

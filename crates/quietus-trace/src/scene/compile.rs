@@ -1,0 +1,122 @@
+//! From a checked description to a scene: light tables, flat shapes, the acceleration structure.
+
+use glam::{Vec2, Vec3};
+
+use super::{CompiledShape, NO_LIGHT, PlacedObject, Scene};
+use crate::bvh::Accel;
+use crate::desc::{Geometry, MaterialId, SceneDesc, Shape};
+use crate::interaction::{Placement, mesh_surface, sphere_surface};
+use crate::light::{Emitter, Lights, SphereLight, TriangleLight};
+use crate::material::{MaterialTable, SurfacePoint};
+use crate::warp;
+
+/// Compiles a description that has been checked.
+pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
+    let mut shapes = Vec::new();
+    let mut first_shapes = Vec::new();
+    for object in &desc.objects {
+        first_shapes.push(shapes.len() as u32);
+        shapes.extend(
+            object
+                .shapes
+                .iter()
+                .map(|s| CompiledShape { geometry: s.geometry.clone(), material: s.material }),
+        );
+    }
+    let mut collector =
+        Collector { desc, materials: &materials, triangles: vec![], spheres: vec![], first: vec![] };
+    let mut instances = Vec::with_capacity(desc.instances.len());
+    for (index, instance) in desc.instances.iter().enumerate() {
+        let placement = Placement::new(instance.to_world);
+        let first_slot = collector.first.len() as u32;
+        instances.push(PlacedObject {
+            placement,
+            first_shape: first_shapes[instance.object.0 as usize],
+            first_slot,
+        });
+        collector.instance(index as u32, &placement);
+    }
+    let Collector { triangles, spheres, first: first_lights, .. } = collector;
+    let lights = Lights::new(triangles, spheres, &desc.lights, desc.environment.as_ref());
+    let accel = Accel::build(&desc.objects, &desc.instances, |material| materials.is_opaque(material));
+    Scene { accel, materials, lights, instances, shapes, first_lights }
+}
+
+/// Gathers emissive surfaces.
+struct Collector<'a> {
+    desc: &'a SceneDesc,
+    materials: &'a MaterialTable,
+    triangles: Vec<Emitter<TriangleLight>>,
+    spheres: Vec<Emitter<SphereLight>>,
+    first: Vec<u32>,
+}
+
+impl Collector<'_> {
+    fn instance(&mut self, index: u32, placement: &Placement) {
+        let object = &self.desc.objects[self.desc.instances[index as usize].object.0 as usize];
+        for (number, shape) in object.shapes.iter().enumerate() {
+            let first = if self.materials.emits(shape.material) {
+                self.shape(index, number as u32, shape, placement)
+            } else {
+                NO_LIGHT
+            };
+            self.first.push(first);
+        }
+    }
+
+    /// Adds an emissive shape; returns the number of its first light.
+    fn shape(&mut self, instance: u32, number: u32, shape: &Shape, placement: &Placement) -> u32 {
+        let material = shape.material;
+        match &shape.geometry {
+            Geometry::Mesh(mesh) => {
+                let first = self.triangles.len() as u32;
+                for (primitive, &indices) in mesh.triangles.iter().enumerate() {
+                    let primitive = primitive as u32;
+                    let corners = indices.map(|i| mesh.positions[i as usize]);
+                    let geometry = TriangleLight::new(corners, &placement.to_world);
+                    let at = |u: Vec2| {
+                        let b = warp::triangle(u);
+                        mesh_surface(mesh, primitive, b.x, b.y)
+                    };
+                    let emitter = self.emitter(geometry, [instance, number, primitive], material, at);
+                    self.triangles.push(emitter);
+                }
+                first
+            }
+            Geometry::Sphere { center, radius } => {
+                let geometry = SphereLight::new(*center, *radius, placement.to_world);
+                let at = |u: Vec2| sphere_surface(warp::uniform_sphere(u));
+                let emitter = self.emitter(geometry, [instance, number, 0], material, at);
+                self.spheres.push(emitter);
+                self.spheres.len() as u32 - 1
+            }
+        }
+    }
+
+    fn emitter<G>(
+        &self,
+        geometry: G,
+        [instance, shape, primitive]: [u32; 3],
+        material: MaterialId,
+        at: impl Fn(Vec2) -> SurfacePoint,
+    ) -> Emitter<G> {
+        let varies = self.materials.emission_is_textured(material) || !self.materials.is_opaque(material);
+        let radiance_at = |u: Vec2| {
+            let surface = at(u);
+            self.materials.emission(material, &surface, true) * self.materials.alpha(material, &surface)
+        };
+        let radiance = if varies { mean(radiance_at) } else { radiance_at(Vec2::splat(0.5)) };
+        let two_sided = self.materials.emits_two_sided(material);
+        Emitter { geometry, instance, shape, primitive, radiance, varies, two_sided }
+    }
+}
+
+/// Points per axis at which a light whose emission varies is looked at to weigh it against others. Where all of
+/// them are dark the light is left to paths that hit it by chance, which stays right, only noisier.
+const PROBES: u32 = 4;
+
+fn mean(radiance: impl Fn(Vec2) -> Vec3) -> Vec3 {
+    let place = |i: u32| (i as f32 + 0.5) / PROBES as f32;
+    let probes = (0..PROBES * PROBES).map(|i| radiance(Vec2::new(place(i % PROBES), place(i / PROBES))));
+    probes.sum::<Vec3>() / (PROBES * PROBES) as f32
+}

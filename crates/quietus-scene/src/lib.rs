@@ -39,3 +39,12 @@ pub struct Loaded {
 pub fn load(path: &Path) -> Result<Loaded, SceneError> {
     gltf::load(path)
 }
+
+/// As [`load`], with the file's content already in memory: `path` is for messages, and to find the buffers and
+/// pictures beside it.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_bytes(path: &Path, bytes: &[u8]) -> Result<Loaded, SceneError> {
+    gltf::load_bytes(path, bytes)
+}

@@ -1,2 +1,48 @@
-//! Developer tasks.
-fn main() {}
+//! One entry to everything a developer of Quietus does: `cargo xtask test`, `lint`, `bench`, `measure`, `gallery`.
+
+mod gallery;
+mod lint;
+mod measure;
+mod run;
+mod test;
+
+use clap::{Parser, Subcommand};
+
+#[derive(Parser)]
+#[command(name = "cargo xtask", about = "Developer tasks of Quietus")]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Everything that must pass: formatting, lints, unit, integration, statistical and concurrency tests
+    Test,
+    /// Formatting, clippy with warnings as errors, and the house rules
+    Lint,
+    /// Licences and advisories of dependencies, with cargo-deny (installed on demand)
+    Deny,
+    /// Criterion benches; arguments go to `cargo bench`
+    Bench {
+        /// Passed on, for example `-p quietus --bench rebuild`
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<String>,
+    },
+    /// Measurements behind the figures in docs/measurements.md
+    #[command(subcommand)]
+    Measure(measure::Measure),
+    /// The pictures of docs/gallery
+    Gallery,
+}
+
+fn main() -> anyhow::Result<()> {
+    match Arguments::parse().task {
+        Task::Test => test::test(),
+        Task::Lint => lint::lint(),
+        Task::Deny => lint::deny(),
+        Task::Bench { arguments } => run::run(run::cargo().arg("bench").args(arguments)),
+        Task::Measure(what) => measure::measure(&what),
+        Task::Gallery => gallery::gallery(),
+    }
+}

@@ -1,2 +1,51 @@
-//! The `quietus` program.
-fn main() {}
+//! The `quietus` program: arguments, messages and exit codes. All work is done by the libraries.
+
+mod args;
+mod error;
+mod info;
+mod interrupt;
+mod plan;
+mod progress_bar;
+mod render;
+mod report;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::args::{Cli, Command};
+use crate::error::{Ending, Failure};
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    // The hook has told what and where; what is left is the exit code.
+    let outcome = std::panic::catch_unwind(|| run(cli));
+    let outcome =
+        outcome.unwrap_or_else(|_| Err(Failure::internal("the program panicked; please report it")));
+    match outcome {
+        Ok(ending) => ending.into(),
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            failure.ending.into()
+        }
+    }
+}
+
+fn run(cli: Cli) -> Result<Ending, Failure> {
+    match cli.command {
+        Some(Command::Render(args)) => render::run(&args),
+        Some(Command::Info { file }) => {
+            println!("{}", info::describe(&file)?);
+            Ok(Ending::Success)
+        }
+        None => render::run(&built_in()),
+    }
+}
+
+/// `quietus` alone: `quietus render` without any flags.
+fn built_in() -> args::RenderArgs {
+    match Cli::parse_from(["quietus", "render"]).command {
+        Some(Command::Render(args)) => *args,
+        _ => unreachable!("`render` parses as `render`"),
+    }
+}

@@ -170,6 +170,22 @@ impl Film {
         lock(&self.rejected).clone()
     }
 
+    /// Accepted samples of every pixel of the window, tile by tile.
+    pub fn sample_counts(&self) -> Vec<u32> {
+        let mut counts = Vec::with_capacity(self.layout.window().pixels());
+        for (index, tile) in self.tiles.iter().enumerate() {
+            let (tile, window) = (lock(tile), self.layout.tile_window(index));
+            for row in 0..window.height() as usize {
+                for column in 0..window.width() as usize {
+                    let first = (row * TILE as usize + column) * self.layout.replicates();
+                    let replicates = &tile.replicates[first..][..self.layout.replicates()];
+                    counts.push(replicates.iter().fold(0, |sum: u32, r| sum.saturating_add(r.count)));
+                }
+            }
+        }
+        counts
+    }
+
     /// Assembles the picture as it stands. `error` tells the remaining error of a pixel from its replicates.
     pub fn picture(&self, error: impl Fn(&[Replicate]) -> f32) -> Picture {
         let mut picture = Picture::empty(self.layout.frame(), self.layout.window());

@@ -1,0 +1,212 @@
+//! The command line.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use quietus_film::Window;
+
+use crate::error::EXIT_CODES;
+
+/// A path tracer that puts samples where the noise is.
+///
+/// Without a command it draws the scene built into it and says where the pictures are.
+#[derive(Parser, Debug)]
+#[command(name = "quietus", version, after_help = EXIT_CODES, max_term_width = 100)]
+pub(crate) struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+/// What to do.
+#[derive(Subcommand, Debug)]
+pub(crate) enum Command {
+    /// Draw a scene.
+    Render(Box<RenderArgs>),
+    /// Say what is in a scene or an EXR file.
+    Info {
+        /// A glTF 2.0 scene (.gltf, .glb) or an OpenEXR picture (.exr).
+        file: PathBuf,
+    },
+}
+
+/// Flags of `quietus render`.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub(crate) struct RenderArgs {
+    /// A glTF 2.0 scene (.gltf, .glb); the built-in one when absent.
+    pub scene: Option<PathBuf>,
+
+    /// Write the picture here: .exr (all channels) or .png (sRGB). Repeatable.
+    #[arg(short, long, value_name = "FILE", default_values = ["quietus.png", "quietus.exr"])]
+    pub output: Vec<PathBuf>,
+
+    /// Size of the full frame in pixels. Default: the longer side 1280, in the shape the camera asks for (16:9
+    /// where it asks for none).
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+
+    /// Draw only this part of the frame: x0 <= x < x1, y0 <= y < y1, (0, 0) at the top left.
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_window)]
+    pub crop: Option<Window>,
+
+    /// Look through this camera of the scene instead of the first.
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+
+    /// Light the scene with this lat-long map (.hdr, .exr) instead of its own surroundings.
+    #[arg(long, value_name = "FILE")]
+    pub env: Option<PathBuf>,
+
+    /// How samples are spread over the picture. Default: quietus, or uniform when --spp is given.
+    #[arg(long, value_enum)]
+    pub sampling: Option<SamplingArg>,
+
+    /// Region error to stop at, in the library's units: smaller is cleaner and slower.
+    /// [default: 0.0002; not with uniform]
+    #[arg(long, value_name = "E", value_parser = parse_error)]
+    pub target_error: Option<f64>,
+
+    /// The same number of samples for every pixel (implies --sampling uniform).
+    /// [default with uniform: 64, or no limit with --time]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub spp: Option<u32>,
+
+    /// Samples every pixel gets before any may stop. [default: 16; not with uniform]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub min_samples: Option<u32>,
+
+    /// Samples no pixel exceeds. [default: 4096; not with uniform]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub max_samples: Option<u32>,
+
+    /// Stop after this time, such as 90s, 5m or "1h 30m"; a plain number means seconds.
+    #[arg(long, value_name = "DURATION", value_parser = parse_time)]
+    pub time: Option<Duration>,
+
+    /// Longest path in segments from the camera: 1 shows emitters seen directly, 2 adds direct light.
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub max_depth: u32,
+
+    /// Pixel filter.
+    #[arg(long, value_enum, default_value_t = FilterArg::BlackmanHarris)]
+    pub filter: FilterArg,
+
+    /// Picks the random numbers: equal seeds give equal pictures.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+
+    /// Threads that render. Default: one per core. The picture does not depend on it (except with free-running).
+    #[arg(long, value_name = "N", value_parser = parse_threads)]
+    pub threads: Option<NonZeroUsize>,
+
+    /// Write figures of the render here, as JSON (see docs/stats.md).
+    #[arg(long, value_name = "FILE.json")]
+    pub stats: Option<PathBuf>,
+
+    /// Draw the final tree here, as SVG. Needs --sampling quietus, talk or free-running.
+    #[arg(long, value_name = "FILE.svg")]
+    pub tree: Option<PathBuf>,
+}
+
+/// `--sampling`.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SamplingArg {
+    /// The tree of the talk, drawing exactly the pixels that need it.
+    Quietus,
+    /// The tree of the talk, drawing bounding rectangles as published.
+    Talk,
+    /// The talk as published, threads included: the picture depends on their timing.
+    FreeRunning,
+    /// Each 8x8 tile stops on its own error.
+    Tile,
+    /// Blocks that are split and discarded (Dammertz et al. 2010).
+    Dammertz,
+    /// Each pixel stops on its own error.
+    Pixel,
+    /// The same number of samples everywhere.
+    Uniform,
+}
+
+/// `--filter`.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FilterArg {
+    /// Constant over the pixel.
+    Box,
+    /// Gaussian of standard deviation 0.5 pixels.
+    Gaussian,
+    /// Blackman-Harris window of radius 1.5 pixels.
+    BlackmanHarris,
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let parsed = text.split_once(['x', 'X']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    parsed.ok_or_else(|| "expected width and height in pixels, such as 1280x720".to_owned())
+}
+
+fn parse_window(text: &str) -> Result<Window, String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x0, y0, x1, y1]) => Ok(Window { x0, y0, x1, y1 }),
+        _ => Err("expected four whole numbers x0,y0,x1,y1, such as 100,50,300,200".to_owned()),
+    }
+}
+
+fn parse_error(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(error) if error.is_finite() && error > 0.0 => Ok(error),
+        _ => Err("expected a number above 0, such as 0.0002".to_owned()),
+    }
+}
+
+fn parse_time(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse::<f64>().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
+    match seconds.or_else(|| humantime::parse_duration(text).ok()) {
+        Some(time) if !time.is_zero() => Ok(time),
+        _ => Err("expected a time above 0, such as 90s, 5m or \"1h 30m\"".to_owned()),
+    }
+}
+
+/// More threads than this only cost memory on any machine there is.
+const MOST_THREADS: usize = 1024;
+
+fn parse_threads(text: &str) -> Result<NonZeroUsize, String> {
+    let threads = text.parse().ok().filter(|threads: &NonZeroUsize| threads.get() <= MOST_THREADS);
+    threads.ok_or_else(|| format!("expected a number of threads from 1 to {MOST_THREADS}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn values_are_read_or_refused() {
+        assert_eq!(parse_size("1280x720"), Ok([1280, 720]));
+        for bad in ["1280", "1280x", "x", "-1x4", "1.5x2", "1x2x3", "99999999999x1"] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+        assert_eq!(parse_window("1,2, 3,4"), Ok(Window { x0: 1, y0: 2, x1: 3, y1: 4 }));
+        for bad in ["1,2,3", "1,2,3,4,5", "a,2,3,4", "-1,2,3,4", ""] {
+            assert!(parse_window(bad).is_err(), "{bad}");
+        }
+        for bad in ["nan", "NaN", "inf", "0", "-1", "x", ""] {
+            assert!(parse_error(bad).is_err(), "{bad}");
+        }
+        assert_eq!(parse_time("90"), Ok(Duration::from_secs(90)));
+        assert_eq!(parse_time("1m 30s"), Ok(Duration::from_secs(90)));
+        assert_eq!(parse_time("0.5"), Ok(Duration::from_millis(500)));
+        for bad in ["0", "-3", "nan", "inf", "1e300", "soon", "0s"] {
+            assert!(parse_time(bad).is_err(), "{bad}");
+        }
+        assert!(parse_threads("0").is_err() && parse_threads("1025").is_err() && parse_threads("4").is_ok());
+    }
+}

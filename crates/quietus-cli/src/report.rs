@@ -1,0 +1,129 @@
+//! What a render says of itself: the `--stats` file, and the metadata of EXR files.
+
+use std::io::Write;
+use std::path::Path;
+
+use quietus_film::{Metadata, OutputError, write_atomically};
+use quietus_render::{RenderSettings, Rendered, Sampling, Statistics, StoppedBy};
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::args::{FilterArg, RenderArgs};
+
+/// All settings of a render, defaults filled in.
+#[derive(Serialize, Clone, Debug)]
+pub(crate) struct Settings {
+    scene: String,
+    camera: String,
+    environment: Option<String>,
+    width: u32,
+    height: u32,
+    crop: [u32; 4],
+    sampling: &'static str,
+    target_error: Option<f64>,
+    min_samples: Option<u32>,
+    max_samples: Option<u32>,
+    time_limit_seconds: Option<f64>,
+    max_depth: u32,
+    filter: &'static str,
+    seed: u64,
+    threads: usize,
+}
+
+impl Settings {
+    /// Gathers what was decided.
+    pub(crate) fn new(args: &RenderArgs, settings: &RenderSettings, camera: &str) -> Self {
+        let adaptive = settings.sampling != Sampling::Uniform;
+        let window = settings.window;
+        let path = |path: &Path| path.display().to_string();
+        Self {
+            scene: args.scene.as_deref().map_or_else(|| "built-in".to_owned(), path),
+            camera: camera.to_owned(),
+            environment: args.env.as_deref().map(path),
+            width: settings.frame[0],
+            height: settings.frame[1],
+            crop: [window.x0, window.y0, window.x1, window.y1],
+            sampling: sampling_name(settings.sampling),
+            target_error: adaptive.then_some(settings.target_error),
+            min_samples: adaptive.then_some(settings.min_samples),
+            max_samples: (settings.max_samples < u32::MAX).then_some(settings.max_samples),
+            time_limit_seconds: settings.time_limit.map(|limit| limit.as_secs_f64()),
+            max_depth: args.max_depth,
+            filter: filter_name(args.filter),
+            seed: args.seed,
+            threads: settings.threads.get(),
+        }
+    }
+
+    /// Name and value of every setting that is set, and the version.
+    pub(crate) fn metadata(&self) -> Metadata {
+        let mut metadata = vec![("version".to_owned(), VERSION.to_owned())];
+        if let Ok(Value::Object(settings)) = serde_json::to_value(self) {
+            let set = settings.into_iter().filter(|(_, value)| !value.is_null());
+            metadata.extend(set.map(|(name, value)| match value {
+                Value::String(text) => (name, text),
+                other => (name, other.to_string()),
+            }));
+        }
+        metadata
+    }
+}
+
+const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+fn sampling_name(sampling: Sampling) -> &'static str {
+    match sampling {
+        Sampling::Quietus => "quietus",
+        Sampling::Talk => "talk",
+        Sampling::FreeRunning => "free-running",
+        Sampling::Tile => "tile",
+        Sampling::Dammertz => "dammertz",
+        Sampling::Pixel => "pixel",
+        Sampling::Uniform => "uniform",
+    }
+}
+
+pub(crate) fn filter_name(filter: FilterArg) -> &'static str {
+    match filter {
+        FilterArg::Box => "box",
+        FilterArg::Gaussian => "gaussian",
+        FilterArg::BlackmanHarris => "blackman-harris",
+    }
+}
+
+/// The object in a `--stats` file; `docs/stats.md` explains every key.
+#[derive(Serialize)]
+struct StatsFile<'a> {
+    version: &'static str,
+    seed: u64,
+    stopped_by: &'static str,
+    load_seconds: f64,
+    #[serde(flatten)]
+    statistics: &'a Statistics,
+    settings: &'a Settings,
+}
+
+/// Writes the `--stats` file.
+///
+/// # Errors
+/// When it cannot be written.
+pub(crate) fn write_stats(
+    path: &Path,
+    settings: &Settings,
+    load_seconds: f64,
+    rendered: &Rendered,
+) -> Result<(), OutputError> {
+    let stopped_by = match rendered.stopped_by {
+        StoppedBy::Done => "done",
+        StoppedBy::TimeLimit => "time",
+        StoppedBy::Cancelled => "interrupt",
+    };
+    let statistics = &rendered.statistics;
+    let seed = settings.seed;
+    let stats = StatsFile { version: VERSION, seed, stopped_by, load_seconds, statistics, settings };
+    write_atomically(path, |writer| {
+        let failed = |source| OutputError::Write { path: path.to_owned(), source };
+        serde_json::to_writer_pretty(&mut *writer, &stats).map_err(|error| failed(error.into()))?;
+        writer.write_all(b"\n").map_err(failed)
+    })
+}

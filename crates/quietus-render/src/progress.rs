@@ -1,0 +1,124 @@
+//! How far a render is, and a guess at how long it will still take.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// A look at a running render.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Since rendering started.
+    pub elapsed: Duration,
+    /// Samples drawn so far.
+    pub samples: u64,
+    /// Mean samples per pixel so far.
+    pub spp_mean: f64,
+    /// Samples drawn per second, lately.
+    pub samples_per_second: f64,
+    /// Share of pixels that will not be sampled any more, 0..=1.
+    pub converged_fraction: f64,
+    /// Guessed time until the end; `None` while there is nothing to guess from.
+    pub remaining: Option<Duration>,
+}
+
+/// How much of the past counts as "lately", as a share of the time elapsed. Long enough to smooth over passes,
+/// short enough to follow a render that slows down.
+const RECENT: f64 = 0.3;
+
+/// Below this share converged, its growth says nothing yet.
+const LEAST_SHARE: f64 = 0.02;
+
+#[derive(Clone, Copy)]
+struct Point {
+    seconds: f64,
+    samples: u64,
+    converged: f64,
+}
+
+/// Turns readings into [`Progress`].
+pub(crate) struct Estimator {
+    pixels: f64,
+    /// Samples after which the render ends in any case.
+    most_samples: Option<f64>,
+    /// Seconds after which the render ends in any case.
+    limit: Option<f64>,
+    history: VecDeque<Point>,
+}
+
+impl Estimator {
+    pub(crate) fn new(pixels: u64, most_samples: Option<f64>, limit: Option<Duration>) -> Self {
+        let limit = limit.map(|l| l.as_secs_f64());
+        Self { pixels: pixels as f64, most_samples, limit, history: VecDeque::new() }
+    }
+
+    pub(crate) fn reading(&mut self, elapsed: Duration, samples: u64, converged: f64) -> Progress {
+        let now = Point { seconds: elapsed.as_secs_f64(), samples, converged };
+        let since = now.seconds * (1.0 - RECENT);
+        while self.history.len() > 1 && self.history[1].seconds <= since {
+            self.history.pop_front();
+        }
+        let start = Point { seconds: 0.0, samples: 0, converged: 0.0 };
+        let before = self.history.front().copied().unwrap_or(start);
+        self.history.push_back(now);
+        let span = (now.seconds - before.seconds).max(1e-9);
+        let rate = now.samples.saturating_sub(before.samples) as f64 / span;
+        Progress {
+            elapsed,
+            samples,
+            spp_mean: samples as f64 / self.pixels,
+            samples_per_second: rate,
+            converged_fraction: converged,
+            remaining: self.remaining(before, now, rate).map(Duration::from_secs_f64),
+        }
+    }
+
+    /// The least of three ends: the share converged grows on as lately, the most samples possible, the time limit.
+    fn remaining(&self, before: Point, now: Point, rate: f64) -> Option<f64> {
+        let growth = (now.converged - before.converged) / (now.seconds - before.seconds).max(1e-9);
+        let by_share = (now.converged >= LEAST_SHARE && growth > 0.0).then(|| (1.0 - now.converged) / growth);
+        let by_samples =
+            self.most_samples.filter(|_| rate > 0.0).map(|most| (most - now.samples as f64) / rate);
+        let by_limit = self.limit.map(|limit| limit - now.seconds);
+        let least = [by_share, by_samples, by_limit].into_iter().flatten().reduce(f64::min)?;
+        // A guess of centuries helps nobody, and would not fit a `Duration` for ever.
+        (least < 1e9).then_some(least.max(0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(estimator: &mut Estimator, converged: impl Fn(f64) -> f64) -> Progress {
+        let seconds = |i: u32| Duration::from_millis(100 * u64::from(i));
+        let mut last = None;
+        for i in 1..=50 {
+            last = Some(estimator.reading(seconds(i), 1000 * u64::from(i), converged(f64::from(i) / 50.0)));
+        }
+        last.unwrap()
+    }
+
+    fn left(progress: &Progress) -> f64 {
+        progress.remaining.unwrap().as_secs_f64()
+    }
+
+    #[test]
+    fn steady_work_ends_when_its_samples_are_drawn() {
+        let progress = run(&mut Estimator::new(100, Some(100_000.0), None), |_| 0.0);
+        assert!((progress.samples_per_second - 10_000.0).abs() < 1e-6);
+        assert!((progress.spp_mean - 500.0).abs() < 1e-9);
+        assert!((left(&progress) - 5.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn steady_convergence_is_carried_on() {
+        let progress = run(&mut Estimator::new(100, None, None), |t| 0.25 * t);
+        assert!((left(&progress) - 15.0).abs() < 1e-6, "{progress:?}");
+    }
+
+    #[test]
+    fn the_time_limit_bounds_the_guess_and_nothing_known_gives_none() {
+        let limit = Some(Duration::from_secs(7));
+        assert!((left(&run(&mut Estimator::new(100, Some(1e12), limit), |_| 0.0)) - 2.0).abs() < 1e-6);
+        assert_eq!(run(&mut Estimator::new(100, None, None), |_| 0.0).remaining, None);
+    }
+}

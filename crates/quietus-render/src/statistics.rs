@@ -1,0 +1,70 @@
+//! Figures of a finished render.
+
+use serde::Serialize;
+
+/// Percentiles of the samples per pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct SampleStatistics {
+    /// Mean accepted samples per pixel.
+    pub spp_mean: f64,
+    /// Median.
+    pub spp_p50: u32,
+    /// 99th percentile.
+    pub spp_p99: u32,
+    /// Largest.
+    pub spp_max: u32,
+}
+
+impl SampleStatistics {
+    /// Of the given counts, one per pixel. Percentiles by nearest rank: the smallest count that at least that share
+    /// of pixels does not exceed.
+    pub fn of(counts: &[u32]) -> Self {
+        let mut sorted = counts.to_vec();
+        sorted.sort_unstable();
+        let Some(&spp_max) = sorted.last() else { return Self::default() };
+        let rank = |percent: usize| sorted[(sorted.len() * percent).div_ceil(100).max(1) - 1];
+        let sum: u64 = sorted.iter().map(|&count| u64::from(count)).sum();
+        let spp_mean = sum as f64 / sorted.len() as f64;
+        Self { spp_mean, spp_p50: rank(50), spp_p99: rank(99), spp_max }
+    }
+}
+
+/// What a render did. The names are part of the program's interface, see `docs/stats.md`.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Statistics {
+    /// Seconds from the start of the first thread to the end of the last.
+    pub wall_seconds: f64,
+    /// CPU seconds of the process in that time; absent where the system does not tell.
+    pub cpu_seconds: Option<f64>,
+    /// Samples drawn, rejected ones included.
+    pub samples: u64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Samples per pixel.
+    #[serde(flatten)]
+    pub per_pixel: SampleStatistics,
+    /// Share of pixels that were done before the maximum of samples or the end.
+    pub converged_fraction: f64,
+    /// Samples rejected because they were not finite.
+    pub nonfinite_samples: u64,
+    /// Most memory held at once, in bytes; absent where the system does not tell.
+    pub peak_rss_bytes: Option<u64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_by_nearest_rank() {
+        let counts: Vec<u32> = (1..=200).rev().collect();
+        let statistics = SampleStatistics::of(&counts);
+        assert_eq!(
+            statistics,
+            SampleStatistics { spp_mean: 100.5, spp_p50: 100, spp_p99: 198, spp_max: 200 }
+        );
+        let one = SampleStatistics::of(&[7]);
+        assert_eq!(one, SampleStatistics { spp_mean: 7.0, spp_p50: 7, spp_p99: 7, spp_max: 7 });
+        assert_eq!(SampleStatistics::of(&[]), SampleStatistics::default());
+    }
+}

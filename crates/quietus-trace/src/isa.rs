@@ -73,6 +73,14 @@ pub trait Isa: Copy + Send + Sync + fmt::Debug + sealed::Sealed {
     fn min(self, a: Self::F32x8, b: Self::F32x8) -> Self::F32x8;
     /// The greater; `b` where they don't compare.
     fn max(self, a: Self::F32x8, b: Self::F32x8) -> Self::F32x8;
+    /// `then` where `a < b`, `otherwise` where not or where they don't compare.
+    fn select_lt(
+        self,
+        a: Self::F32x8,
+        b: Self::F32x8,
+        then: Self::F32x8,
+        otherwise: Self::F32x8,
+    ) -> Self::F32x8;
     /// Bit i is set where `a <= b` in lane i; never where they don't compare.
     fn le(self, a: Self::F32x8, b: Self::F32x8) -> u32;
     /// Bit i is set where `a < b` in lane i; never where they don't compare.

@@ -1,10 +1,25 @@
 //! What a ray meets first, and whether it meets anything.
+//!
+//! [`Accel`] is an 8-wide tree over all triangles and spheres of the world, with one more such tree for each
+//! object that several instances share: `source` lists their primitives, `binary` decides their shape, `wide`
+//! writes them out, `traverse` is the ray kernel. It is watertight: no ray slips between triangles that share
+//! an edge. What a ray meets does not depend on the tree, nor on the instruction set.
 
-use glam::Vec3;
+use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 
 use crate::desc::{Geometry, Instance, MaterialId, Object};
-use crate::geometry::{sphere, triangle};
 use crate::isa::Isa;
+
+mod binary;
+mod source;
+#[cfg(test)]
+mod tests;
+mod traverse;
+mod wide;
+
+use binary::{Item, Kind};
+use source::{Placed, Reference, Source};
+use wide::{Link, Store};
 
 /// A half-line, or a piece of it.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +28,7 @@ pub struct Ray {
     pub origin: Vec3,
     /// Where it runs to; not 0, need not be of unit length: distances are in its units.
     pub direction: Vec3,
-    /// Only hits beyond this distance count.
+    /// Only hits beyond this distance count; at least 0.
     pub t_min: f32,
     /// Only hits up to this distance count; may be infinite.
     pub t_max: f32,
@@ -53,27 +68,38 @@ impl Bounds {
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
     }
+
+    /// Bounds of the image of these under `transform`, with room for rounding.
+    fn transformed(&self, transform: &Affine3A) -> Self {
+        let center = 0.5 * (self.min + self.max);
+        let half = 0.5 * (self.max - self.min);
+        let m = transform.matrix3;
+        let absolute = Mat3A::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());
+        let center = transform.transform_point3(center);
+        let size = Vec3::from(absolute * Vec3A::from(half));
+        // A dozen roundings of numbers no greater than these, here and in the ray's way back.
+        let magnitude =
+            absolute * Vec3A::from(self.min.abs().max(self.max.abs())) + transform.translation.abs();
+        let half = size + 16.0 * f32::EPSILON * Vec3::from(magnitude);
+        Self { min: center - half, max: center + half }
+    }
 }
 
+/// An instance of an object with a tree of its own.
 #[derive(Clone, Copy, Debug)]
-enum Form {
-    Triangle([Vec3; 3]),
-    Sphere(Vec3, f32),
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Primitive {
-    form: Form,
-    opaque: bool,
+struct Inner {
+    to_object: Affine3A,
+    root: Link,
     instance: u32,
-    shape: u32,
-    primitive: u32,
 }
 
 /// The acceleration structure over a whole scene.
 #[derive(Debug)]
 pub struct Accel {
-    primitives: Vec<Primitive>,
+    store: Store,
+    references: Vec<Reference>,
+    instances: Vec<Inner>,
+    root: Link,
     bounds: Bounds,
 }
 
@@ -81,45 +107,61 @@ impl Accel {
     /// Builds it over what the instances place in the world. `opaque` says which materials cover everywhere:
     /// hits on others are put before the filter of [`Accel::closest`] and [`Accel::occluded`].
     ///
+    /// Objects of a single instance become part of the world's tree; their vertices are transformed by
+    /// [`Affine3A::transform_point3`]. Primitives that are not finite are left out.
+    ///
     /// # Panics
-    /// Where an instance names an object, or a triangle a vertex, that is not there.
+    /// Where an instance names an object, or a triangle a vertex, that is not there; with more than 2^31
+    /// primitives.
     pub fn build(objects: &[Object], instances: &[Instance], opaque: impl Fn(MaterialId) -> bool) -> Self {
-        let mut accel = Self { primitives: Vec::new(), bounds: Bounds::EMPTY };
-        for (i, instance) in instances.iter().enumerate() {
-            for (s, shape) in objects[instance.object.0 as usize].shapes.iter().enumerate() {
-                let mut push = |primitive: usize, form| {
-                    let (instance, shape_index) = (i as u32, s as u32);
-                    accel.primitives.push(Primitive {
-                        form,
-                        opaque: opaque(shape.material),
-                        instance,
-                        shape: shape_index,
-                        primitive: primitive as u32,
-                    });
-                };
-                let place = |p: Vec3| instance.to_world.transform_point3(p);
-                match &shape.geometry {
-                    Geometry::Mesh(mesh) => {
-                        for (p, &indices) in mesh.triangles.iter().enumerate() {
-                            push(p, Form::Triangle(indices.map(|i| place(mesh.positions[i as usize]))));
-                        }
-                    }
-                    Geometry::Sphere { center, radius } => {
-                        let scale = instance.to_world.matrix3.x_axis.length();
-                        push(0, Form::Sphere(place(*center), radius * scale));
-                    }
+        let shared = shared_objects(objects, instances);
+        let mut accel = Self {
+            store: Store::default(),
+            references: Vec::new(),
+            instances: Vec::new(),
+            root: Link::node(0),
+            bounds: Bounds::EMPTY,
+        };
+        let trees: Vec<Option<(Link, Bounds)>> = (objects.iter().zip(&shared))
+            .map(|(object, &shared)| {
+                let placed = Placed { instance: 0, object, transform: None };
+                shared.then(|| accel.append(&[placed], Vec::new(), &opaque))
+            })
+            .collect();
+        let mut placed = Vec::new();
+        let mut items = Vec::new();
+        for (instance, &Instance { object, to_world }) in (0u32..).zip(instances) {
+            let index = object.0 as usize;
+            if let Some((root, bounds)) = trees[index] {
+                if bounds.is_empty() {
+                    continue;
                 }
+                let item =
+                    Item::new(bounds.transformed(&to_world), accel.instances.len() as u32, Kind::Instance);
+                if item.is_bounded() {
+                    items.push(item);
+                    let to_object = to_world.inverse();
+                    accel.instances.push(Inner { to_object, root, instance });
+                }
+            } else {
+                let transform = (to_world != Affine3A::IDENTITY).then_some(to_world);
+                placed.push(Placed { instance, object: &objects[index], transform });
             }
         }
-        for primitive in &accel.primitives {
-            let (min, max) = match primitive.form {
-                Form::Triangle([a, b, c]) => (a.min(b).min(c), a.max(b).max(c)),
-                Form::Sphere(c, r) => (c - r, c + r),
-            };
-            accel.bounds.min = accel.bounds.min.min(min);
-            accel.bounds.max = accel.bounds.max.max(max);
-        }
+        (accel.root, accel.bounds) = accel.append(&placed, items, &opaque);
         accel
+    }
+
+    /// Appends a tree over `items` and the primitives of `placed`.
+    fn append(
+        &mut self,
+        placed: &[Placed<'_>],
+        mut items: Vec<Item>,
+        opaque: &impl Fn(MaterialId) -> bool,
+    ) -> (Link, Bounds) {
+        let source = Source::new(placed, self.references.len(), opaque);
+        source.collect(&mut self.references, &mut items);
+        self.store.append(&mut items, &source)
     }
 
     /// Bounds of the world.
@@ -129,40 +171,50 @@ impl Accel {
 
     /// Bytes it occupies.
     pub fn bytes(&self) -> usize {
-        self.primitives.len() * size_of::<Primitive>()
+        size_of_val(&*self.store.nodes)
+            + size_of_val(&*self.store.triangles)
+            + size_of_val(&*self.store.spheres)
+            + size_of_val(&*self.references)
+            + size_of_val(&*self.instances)
     }
 
     /// The nearest hit in (`t_min`, `t_max`].
     ///
-    /// `filter` is asked about hits on shapes whose material is not opaque, in no particular order, and
-    /// rejects a hit by returning false. Of several hits at the same distance the one on the first
-    /// (instance, shape, primitive) is returned. A ray that is not finite meets nothing.
-    pub fn closest<I: Isa>(&self, isa: I, ray: &Ray, mut filter: impl FnMut(&Hit) -> bool) -> Option<Hit> {
-        let _ = isa;
-        let mut ray = *ray;
-        let mut best = None;
-        let sheared = triangle::Sheared::new(ray.direction);
-        for p in &self.primitives {
-            let Some((t, u, v)) = (match p.form {
-                Form::Triangle(vertices) => triangle::intersect(ray.origin, &sheared, vertices),
-                Form::Sphere(c, r) => {
-                    sphere::intersect(ray.origin, ray.direction, ray.t_min, ray.t_max, c, r)
-                        .map(|t| (t, 0.0, 0.0))
-                }
-            }) else {
-                continue;
-            };
-            let hit = Hit { t, u, v, instance: p.instance, shape: p.shape, primitive: p.primitive };
-            if t > ray.t_min && t <= ray.t_max && (p.opaque || filter(&hit)) {
-                best = Some(hit);
-                ray.t_max = t;
-            }
-        }
-        best
+    /// `filter` is asked about hits on shapes whose material is not opaque, in no particular order and perhaps
+    /// about hits behind the nearest, and rejects a hit by returning false. Of several hits at the same
+    /// distance the one on the first (instance, shape, primitive) is returned. A ray that is not finite, or
+    /// has no direction, meets nothing.
+    #[inline(always)]
+    pub fn closest<I: Isa>(&self, isa: I, ray: &Ray, filter: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        isa.outline(traverse::Query::<_, false> { accel: self, ray, filter })
     }
 
     /// Whether there is a hit in (`t_min`, `t_max`] that `filter` does not reject; see [`Accel::closest`].
+    #[inline(always)]
     pub fn occluded<I: Isa>(&self, isa: I, ray: &Ray, filter: impl FnMut(&Hit) -> bool) -> bool {
-        self.closest(isa, ray, filter).is_some()
+        isa.outline(traverse::Query::<_, true> { accel: self, ray, filter }).is_some()
     }
+}
+
+/// Which objects get a tree of their own: those of several instances, and those whose spheres an instance
+/// would not leave spheres.
+fn shared_objects(objects: &[Object], instances: &[Instance]) -> Vec<bool> {
+    let mut uses = vec![0u32; objects.len()];
+    let mut shared = vec![false; objects.len()];
+    for instance in instances {
+        let index = instance.object.0 as usize;
+        uses[index] += 1;
+        let mut shapes = objects[index].shapes.iter();
+        let has_sphere = shapes.any(|shape| matches!(shape.geometry, Geometry::Sphere { .. }));
+        shared[index] |= uses[index] > 1 || has_sphere && !is_similarity(&instance.to_world);
+    }
+    shared
+}
+
+/// Whether a transform keeps spheres spheres, up to rounding.
+fn is_similarity(transform: &Affine3A) -> bool {
+    let [x, y, z] = [0, 1, 2].map(|i| transform.matrix3.col(i));
+    let square = x.length_squared();
+    let off = [y.length_squared() - square, z.length_squared() - square, x.dot(y), y.dot(z), z.dot(x)];
+    off.into_iter().all(|off| off.abs() <= 16.0 * f32::EPSILON * square)
 }

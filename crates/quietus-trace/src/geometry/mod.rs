@@ -2,8 +2,26 @@
 
 use glam::Vec3;
 
+use crate::isa::Lanes;
+
 pub mod sphere;
 pub mod triangle;
+
+/// Primitives in a block.
+pub const BLOCK: usize = 8;
+
+/// What a ray meets in a block of primitives, lane by lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidates {
+    /// Bit i is set where lane i is met; never 0.
+    pub mask: u32,
+    /// Distances.
+    pub t: Lanes,
+    /// Barycentric coordinates of the second vertex.
+    pub u: Lanes,
+    /// Barycentric coordinates of the third vertex.
+    pub v: Lanes,
+}
 
 /// Half the distance from 1 to the next float.
 const UNIT_ROUNDOFF: f32 = f32::EPSILON / 2.0;

@@ -9,7 +9,8 @@
 
 use glam::Vec3;
 
-use super::gamma;
+use super::{BLOCK, Candidates, gamma};
+use crate::isa::{Isa, Lanes};
 
 /// A ray made ready for the triangle test: see the module.
 #[derive(Clone, Copy, Debug)]
@@ -40,23 +41,119 @@ impl Sheared {
 }
 
 /// Distance in units of the direction, and the barycentric coordinates of the second and third vertex.
-#[inline]
+///
+/// The plain form of [`TriangleBlock::intersect`], operation by operation.
 pub fn intersect(origin: Vec3, ray: &Sheared, vertices: [Vec3; 3]) -> Option<(f32, f32, f32)> {
     let [kx, ky, kz] = ray.axes;
     let [a, b, c] = vertices.map(|v| {
         let p = v - origin;
-        Vec3::new(p[kx] - ray.shear.x * p[kz], p[ky] - ray.shear.y * p[kz], ray.shear.z * p[kz])
+        Vec3::new(p[kx] - ray.shear.x * p[kz], p[ky] - ray.shear.y * p[kz], p[kz])
     });
     let u = c.x * b.y - c.y * b.x;
     let v = a.x * c.y - a.y * c.x;
     let w = b.x * a.y - b.y * a.x;
     let inside = (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
-    let det = u + v + w;
-    if !inside || det == 0.0 {
-        return None;
+    let reciprocal = 1.0 / (u + v + w);
+    let [u, v, w] = [u, v, w].map(|x| x * reciprocal);
+    let t = (u * a.z + v * b.z + w * c.z) * ray.shear.z;
+    (inside && t.is_finite()).then_some((t, v, w))
+}
+
+/// Up to 8 triangles: five cache lines.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct TriangleBlock {
+    /// By vertex and axis. Lanes without a triangle are NaN, so that no ray meets them.
+    vertices: [[Lanes; 3]; 3],
+    /// What the caller calls them.
+    ids: [u32; BLOCK],
+}
+
+impl Default for TriangleBlock {
+    /// No triangle.
+    fn default() -> Self {
+        Self { vertices: [[Lanes([f32::NAN; BLOCK]); 3]; 3], ids: [u32::MAX; BLOCK] }
     }
-    let t = (u * a.z + v * b.z + w * c.z) / det;
-    Some((t, v / det, w / det))
+}
+
+/// A ray as a block of triangles wants it.
+#[derive(Clone, Copy)]
+pub struct ShearedLanes<I: Isa> {
+    axes: [usize; 3],
+    origin: [I::F32x8; 3],
+    shear: [I::F32x8; 3],
+}
+
+impl<I: Isa> ShearedLanes<I> {
+    /// For a direction that is finite and not 0.
+    #[inline(always)]
+    pub fn new(isa: I, origin: Vec3, direction: Vec3) -> Self {
+        let Sheared { axes, shear } = Sheared::new(direction);
+        Self {
+            axes,
+            origin: axes.map(|k| isa.splat(origin[k])),
+            shear: [isa.splat(shear.x), isa.splat(shear.y), isa.splat(shear.z)],
+        }
+    }
+}
+
+impl TriangleBlock {
+    /// Puts a triangle into a lane.
+    pub fn set(&mut self, lane: usize, vertices: [Vec3; 3], id: u32) {
+        for (lanes, vertex) in self.vertices.iter_mut().zip(vertices) {
+            for axis in 0..3 {
+                lanes[axis].0[lane] = vertex[axis];
+            }
+        }
+        self.ids[lane] = id;
+    }
+
+    /// What [`TriangleBlock::set`] was told.
+    #[inline(always)]
+    pub fn id(&self, lane: usize) -> u32 {
+        self.ids[lane & (BLOCK - 1)]
+    }
+
+    /// The triangles that `ray` meets in (`t_min`, `t_max`].
+    #[inline(always)]
+    pub fn intersect<I: Isa>(
+        &self,
+        isa: I,
+        ray: &ShearedLanes<I>,
+        t_min: I::F32x8,
+        t_max: I::F32x8,
+    ) -> Option<Candidates> {
+        let [a, b, c] = [0, 1, 2].map(|vertex| {
+            let p = [0, 1, 2].map(|i| {
+                let axis = ray.axes[i];
+                debug_assert!(axis < 3);
+                // SAFETY: `Sheared::new` makes axes a permutation of 0, 1, 2, and nothing else sets them.
+                let lanes = unsafe { self.vertices[vertex].get_unchecked(axis) };
+                isa.sub(isa.load(lanes), ray.origin[i])
+            });
+            let x = isa.sub(p[0], isa.mul(ray.shear[0], p[2]));
+            let y = isa.sub(p[1], isa.mul(ray.shear[1], p[2]));
+            (x, y, p[2])
+        });
+        let u = isa.sub(isa.mul(c.0, b.1), isa.mul(c.1, b.0));
+        let v = isa.sub(isa.mul(a.0, c.1), isa.mul(a.1, c.0));
+        let w = isa.sub(isa.mul(b.0, a.1), isa.mul(b.1, a.0));
+        let zero = isa.splat(0.0);
+        let front = isa.le(zero, isa.min(u, isa.min(v, w)));
+        let back = isa.le(isa.max(u, isa.max(v, w)), zero);
+        let inside = front | back;
+        if inside == 0 {
+            return None;
+        }
+        // Normalised first, so that distances do not go by the cube of the scale and vanish.
+        let reciprocal = isa.div(isa.splat(1.0), isa.add(isa.add(u, v), w));
+        let [u, v, w] = [u, v, w].map(|x| isa.mul(x, reciprocal));
+        let sum = isa.add(isa.add(isa.mul(u, a.2), isa.mul(v, b.2)), isa.mul(w, c.2));
+        let t = isa.mul(sum, ray.shear[2]);
+        // Seen edge-on, a triangle has an infinite reciprocal and t is infinite or NaN; t_max is finite.
+        let mask = inside & isa.lt(t_min, t) & isa.le(t, t_max);
+        (mask != 0).then(|| Candidates { mask, t: isa.store(t), u: isa.store(v), v: isa.store(w) })
+    }
 }
 
 /// The point with barycentric coordinates `u` of the second and `v` of the third vertex.

@@ -95,6 +95,11 @@ impl Isa for Avx2 {
     }
 
     #[inline(always)]
+    fn select_lt(self, a: __m256, b: __m256, then: __m256, otherwise: __m256) -> __m256 {
+        avx2!(_mm256_blendv_ps(otherwise, then, _mm256_cmp_ps::<_CMP_LT_OQ>(a, b)))
+    }
+
+    #[inline(always)]
     fn le(self, a: __m256, b: __m256) -> u32 {
         avx2!(_mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b))) as u32
     }

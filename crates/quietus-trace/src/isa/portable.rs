@@ -78,6 +78,11 @@ impl Isa for Portable {
     }
 
     #[inline(always)]
+    fn select_lt(self, a: Lanes, b: Lanes, then: Lanes, otherwise: Lanes) -> Lanes {
+        Lanes(std::array::from_fn(|i| if a.0[i] < b.0[i] { then.0[i] } else { otherwise.0[i] }))
+    }
+
+    #[inline(always)]
     fn le(self, a: Lanes, b: Lanes) -> u32 {
         mask(a, b, |a, b| a <= b)
     }

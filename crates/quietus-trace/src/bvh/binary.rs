@@ -1,0 +1,426 @@
+//! A binary tree by the surface area heuristic, and the plan by which it becomes an 8-wide one.
+//!
+//! Splits are chosen among bins of centroids on all three axes (Wald 2007, "On fast Construction of SAH-based
+//! Bounding Volume Hierarchies"), in parallel for large ranges. On the way back up, dynamic programming finds
+//! for each node the cheapest way to represent it by at most 1, 2, .. 7 roots of wide subtrees (Ylitie, Karras
+//! and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", section 3.1).
+
+use glam::{Vec4, Vec4Swizzles};
+use rayon::prelude::*;
+
+use super::Bounds;
+
+/// Children of a wide node.
+pub(super) const WIDTH: usize = 8;
+/// Most primitives in a leaf: one block.
+pub(super) const LEAF: usize = 8;
+/// Cost of testing a block of 8 primitives, in visits of a wide node. Measured.
+const BLOCK_COST: f32 = 1.2;
+/// Ranges of this size and less are not split further. Measured: splitting on costs build time and memory
+/// for no faster rays.
+const STOP: usize = 4;
+/// Bins per axis for large ranges.
+const BINS: usize = 16;
+/// Depth from which ranges are halved instead, which bounds the depth to this plus the logarithm of their size.
+const SAH_DEPTH: u32 = 64;
+/// No tree is deeper: at `SAH_DEPTH` at most 2^32 primitives are left.
+pub(super) const MAX_DEPTH: usize = SAH_DEPTH as usize + 32;
+/// Ranges larger than this are worth a task of their own.
+const TASK: usize = 4096;
+/// Ranges larger than this are binned by several threads.
+const PARALLEL_BINNING: usize = 1 << 16;
+
+/// What a leaf holds; a leaf holds one kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub(super) enum Kind {
+    Triangle,
+    Sphere,
+    Instance,
+}
+
+/// A primitive as the builder sees it: bounds, with an index and the kind in the fourth lanes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Item {
+    min: Vec4,
+    max: Vec4,
+}
+
+impl Item {
+    pub(super) fn new(bounds: Bounds, index: u32, kind: Kind) -> Self {
+        Self {
+            min: bounds.min.extend(f32::from_bits(index)),
+            max: bounds.max.extend(f32::from_bits(kind as u32)),
+        }
+    }
+
+    pub(super) fn index(&self) -> u32 {
+        self.min.w.to_bits()
+    }
+
+    pub(super) fn kind(&self) -> Kind {
+        match self.max.w.to_bits() {
+            0 => Kind::Triangle,
+            1 => Kind::Sphere,
+            _ => Kind::Instance,
+        }
+    }
+
+    /// Whether its bounds are finite and hold something.
+    pub(super) fn is_bounded(&self) -> bool {
+        let (min, max) = (self.min.xyz(), self.max.xyz());
+        min.is_finite() && max.is_finite() && min.cmple(max).all()
+    }
+
+    /// Twice the centroid.
+    #[inline(always)]
+    fn center(&self) -> Vec4 {
+        self.min + self.max
+    }
+}
+
+/// Bounds whose fourth lanes mean nothing.
+#[derive(Clone, Copy, Debug)]
+struct Box4 {
+    min: Vec4,
+    max: Vec4,
+}
+
+impl Box4 {
+    const EMPTY: Self = Self { min: Vec4::INFINITY, max: Vec4::NEG_INFINITY };
+
+    #[inline(always)]
+    fn union(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    #[inline(always)]
+    fn with(self, min: Vec4, max: Vec4) -> Self {
+        Self { min: self.min.min(min), max: self.max.max(max) }
+    }
+
+    /// Half the surface area.
+    #[inline(always)]
+    fn area(self) -> f32 {
+        let d = self.max - self.min;
+        d.x * d.y + d.y * d.z + d.z * d.x
+    }
+
+    fn bounds(self) -> Bounds {
+        Bounds { min: self.min.xyz(), max: self.max.xyz() }
+    }
+}
+
+/// Bounds of a range, of its primitives and of their centroids (doubled).
+#[derive(Clone, Copy, Debug)]
+struct Extent {
+    boxes: Box4,
+    centers: Box4,
+}
+
+impl Extent {
+    const EMPTY: Self = Self { boxes: Box4::EMPTY, centers: Box4::EMPTY };
+
+    #[inline(always)]
+    fn add(&mut self, item: &Item) {
+        self.boxes = self.boxes.with(item.min, item.max);
+        let center = item.center();
+        self.centers = self.centers.with(center, center);
+    }
+
+    fn union(self, other: Self) -> Self {
+        Self { boxes: self.boxes.union(other.boxes), centers: self.centers.union(other.centers) }
+    }
+
+    fn of(items: &[Item]) -> Self {
+        if items.len() > PARALLEL_BINNING {
+            let parts = items.par_chunks(PARALLEL_BINNING / 4).map(Self::of);
+            return parts.reduce(|| Self::EMPTY, Self::union);
+        }
+        let mut extent = Self::EMPTY;
+        for item in items {
+            extent.add(item);
+        }
+        extent
+    }
+}
+
+/// A node of the binary tree. A subtree over n items owns `2 n - 1` consecutive nodes: its root, then those
+/// of the left, then those of the right child. Leaves leave theirs unused.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Node {
+    pub(super) bounds: Bounds,
+    /// Items below.
+    pub(super) count: u32,
+    /// Items below the left child; 0 in a leaf of the binary tree.
+    left_count: u32,
+    plan: Plan,
+}
+
+impl Node {
+    pub(super) const EMPTY: Self = Self { bounds: Bounds::EMPTY, count: 0, left_count: 0, plan: Plan(1) };
+
+    /// Whether the wide tree has a leaf here.
+    pub(super) fn is_leaf(&self) -> bool {
+        self.plan.is_leaf()
+    }
+}
+
+/// For 2 to 8 roots: how many of them go to the left child (3 bits each), 0 where one root fewer is no worse.
+/// Bit 0: whether the single root is a leaf.
+#[derive(Clone, Copy, Debug)]
+struct Plan(u32);
+
+impl Plan {
+    fn is_leaf(self) -> bool {
+        self.0 & 1 == 1
+    }
+
+    fn left_roots(self, roots: usize) -> usize {
+        (self.0 >> (3 * roots) & 7) as usize
+    }
+
+    fn set_left_roots(&mut self, roots: usize, left: usize) {
+        self.0 |= (left as u32) << (3 * roots);
+    }
+}
+
+/// Cost of the cheapest representation by at most 1, 2, .. 7 roots.
+type Costs = [f32; WIDTH - 1];
+
+/// A subtree of the binary tree: where its items and nodes start.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Subtree {
+    pub(super) item: usize,
+    pub(super) node: usize,
+}
+
+/// Sorts `items` into the order of the tree's leaves and returns its nodes, the root first.
+pub(super) fn build(items: &mut [Item]) -> Vec<Node> {
+    if items.is_empty() {
+        return Vec::new();
+    }
+    let mut nodes = vec![Node::EMPTY; 2 * items.len() - 1];
+    let extent = Extent::of(items);
+    build_range(items, &mut nodes, extent, 0);
+    nodes
+}
+
+/// The roots of the wide subtrees below a wide node at `subtree`, left to right.
+pub(super) fn wide_children(nodes: &[Node], subtree: Subtree, mut each: impl FnMut(Subtree)) {
+    fn descend(nodes: &[Node], at: Subtree, mut roots: usize, each: &mut impl FnMut(Subtree)) {
+        let node = &nodes[at.node];
+        while roots > 1 && node.plan.left_roots(roots) == 0 {
+            roots -= 1;
+        }
+        if roots == 1 {
+            return each(at);
+        }
+        let left_roots = node.plan.left_roots(roots);
+        let left_count = node.left_count as usize;
+        let left = Subtree { item: at.item, node: at.node + 1 };
+        let right = Subtree { item: at.item + left_count, node: at.node + 2 * left_count };
+        descend(nodes, left, left_roots, each);
+        descend(nodes, right, roots - left_roots, each);
+    }
+    descend(nodes, subtree, WIDTH, &mut each);
+}
+
+fn build_range(items: &mut [Item], nodes: &mut [Node], extent: Extent, depth: u32) -> Costs {
+    let count = items.len();
+    let uniform = count <= LEAF && items.iter().all(|i| i.kind() == items[0].kind());
+    let may_be_leaf = uniform && (items[0].kind() != Kind::Instance || count == 1);
+    let bounds = extent.boxes.bounds();
+    let leaf_cost = extent.boxes.area() * BLOCK_COST;
+    if may_be_leaf && count <= STOP {
+        nodes[0] = Node { bounds, count: count as u32, left_count: 0, plan: Plan(1) };
+        return [leaf_cost; WIDTH - 1];
+    }
+    let (middle, left_extent, right_extent) = partition(items, &extent, depth);
+    let (left_items, right_items) = items.split_at_mut(middle);
+    let (left_nodes, right_nodes) = nodes[1..].split_at_mut(2 * middle - 1);
+    let mut left = || build_range(left_items, left_nodes, left_extent, depth + 1);
+    let mut right = || build_range(right_items, right_nodes, right_extent, depth + 1);
+    let (left, right) = if count > TASK { rayon::join(left, right) } else { (left(), right()) };
+    let leaf_cost = if may_be_leaf { leaf_cost } else { f32::INFINITY };
+    let (plan, costs) = combine(&left, &right, extent.boxes.area(), leaf_cost);
+    nodes[0] = Node { bounds, count: count as u32, left_count: middle as u32, plan };
+    costs
+}
+
+/// One step of the dynamic programme.
+fn combine(left: &Costs, right: &Costs, area: f32, leaf_cost: f32) -> (Plan, Costs) {
+    let mut plan = Plan(0);
+    let split = |roots: usize| {
+        let each = (1..roots).map(|k| (left[k - 1] + right[roots - k - 1], k));
+        each.fold((f32::INFINITY, 1), |a, b| if b.0 < a.0 { b } else { a })
+    };
+    let (below, left_roots) = split(WIDTH);
+    plan.set_left_roots(WIDTH, left_roots);
+    let node_cost = area + below;
+    if leaf_cost <= node_cost {
+        plan.0 |= 1;
+    }
+    let mut costs = [leaf_cost.min(node_cost); WIDTH - 1];
+    for roots in 2..WIDTH {
+        let (cost, left_roots) = split(roots);
+        costs[roots - 1] = costs[roots - 2];
+        if cost < costs[roots - 1] {
+            costs[roots - 1] = cost;
+            plan.set_left_roots(roots, left_roots);
+        }
+    }
+    (plan, costs)
+}
+
+/// Splits a range of at least 2 items into two that are not empty.
+fn partition(items: &mut [Item], extent: &Extent, depth: u32) -> (usize, Extent, Extent) {
+    if depth < SAH_DEPTH
+        && let Some(split) = find_split(items, extent)
+    {
+        let parts = partition_at(items, &split);
+        if parts.0 > 0 && parts.0 < items.len() {
+            return parts;
+        }
+    }
+    // All centroids in one place, or too deep. Kinds apart, so that small ranges become leaves.
+    if items.iter().any(|i| i.kind() != items[0].kind()) {
+        items.sort_unstable_by_key(|i| (i.kind() as u32, i.index()));
+        let middle = items.partition_point(|i| i.kind() == items[0].kind());
+        return halves(items, middle);
+    }
+    halves(items, items.len() / 2)
+}
+
+fn halves(items: &[Item], middle: usize) -> (usize, Extent, Extent) {
+    (middle, Extent::of(&items[..middle]), Extent::of(&items[middle..]))
+}
+
+/// Maps centroids to bins, the same way for binning and partitioning.
+#[derive(Clone, Copy)]
+struct Binning {
+    offset: Vec4,
+    scale: Vec4,
+    bins: usize,
+}
+
+impl Binning {
+    fn new(centers: &Box4, count: usize) -> Self {
+        let bins = BINS.min(4 + count / 16);
+        let size = centers.max - centers.min;
+        // Just below the number of bins, so that the greatest centroid falls into the last one.
+        let scale = Vec4::splat(bins as f32 * 0.9999) / size;
+        let flat = size.cmple(Vec4::splat(f32::MIN_POSITIVE));
+        Self { offset: centers.min, scale: Vec4::select(flat, Vec4::ZERO, scale), bins }
+    }
+
+    #[inline(always)]
+    fn bin(&self, item: &Item) -> [usize; 3] {
+        let b = ((item.center() - self.offset) * self.scale).as_ivec4();
+        // Clamped: with centroids of huge magnitude the difference may overflow.
+        [b.x, b.y, b.z].map(|b| (b.max(0) as usize).min(self.bins - 1))
+    }
+}
+
+struct Split {
+    binning: Binning,
+    axis: usize,
+    /// First bin of the right side.
+    bin: usize,
+}
+
+#[derive(Clone, Copy)]
+struct Bins {
+    boxes: [[Box4; 3]; BINS],
+    counts: [[u32; 3]; BINS],
+}
+
+impl Bins {
+    const EMPTY: Self = Self { boxes: [[Box4::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
+
+    fn of(items: &[Item], binning: &Binning) -> Self {
+        let mut bins = Self::EMPTY;
+        for item in items {
+            let bin = binning.bin(item);
+            for axis in 0..3 {
+                // The bins' number is at most BINS, so this masks nothing but a bounds check.
+                let b = bin[axis] & (BINS - 1);
+                bins.boxes[b][axis] = bins.boxes[b][axis].with(item.min, item.max);
+                bins.counts[b][axis] += 1;
+            }
+        }
+        bins
+    }
+
+    fn merge(mut self, other: Self) -> Self {
+        for b in 0..BINS {
+            for axis in 0..3 {
+                self.boxes[b][axis] = self.boxes[b][axis].union(other.boxes[b][axis]);
+                self.counts[b][axis] += other.counts[b][axis];
+            }
+        }
+        self
+    }
+}
+
+/// The split of least area times number of blocks, None where all centroids share a bin on every axis.
+fn find_split(items: &[Item], extent: &Extent) -> Option<Split> {
+    let binning = Binning::new(&extent.centers, items.len());
+    let bins = if items.len() > PARALLEL_BINNING {
+        let parts = items.par_chunks(PARALLEL_BINNING / 4).map(|part| Bins::of(part, &binning));
+        parts.reduce(|| Bins::EMPTY, Bins::merge)
+    } else {
+        Bins::of(items, &binning)
+    };
+    let mut best: Option<Split> = None;
+    let mut best_cost = f32::INFINITY;
+    for axis in 0..3 {
+        let mut right_cost = [0.0; BINS];
+        let (mut boxes, mut count) = (Box4::EMPTY, 0);
+        for bin in (1..binning.bins).rev() {
+            boxes = boxes.union(bins.boxes[bin][axis]);
+            count += bins.counts[bin][axis];
+            right_cost[bin] = if count == 0 { f32::INFINITY } else { boxes.area() * blocks(count) };
+        }
+        (boxes, count) = (Box4::EMPTY, 0);
+        for bin in 1..binning.bins {
+            boxes = boxes.union(bins.boxes[bin - 1][axis]);
+            count += bins.counts[bin - 1][axis];
+            if count == 0 {
+                continue;
+            }
+            let cost = boxes.area() * blocks(count) + right_cost[bin];
+            if cost < best_cost {
+                best_cost = cost;
+                best = Some(Split { binning, axis, bin });
+            }
+        }
+    }
+    best
+}
+
+/// What a number of items weighs: half blocks, since blocks are rarely full.
+fn blocks(count: u32) -> f32 {
+    count.div_ceil(4) as f32
+}
+
+/// Reorders `items`: left of the split first. Returns their number and both extents.
+fn partition_at(items: &mut [Item], split: &Split) -> (usize, Extent, Extent) {
+    let is_left = |item: &Item| split.binning.bin(item)[split.axis] < split.bin;
+    let (mut left, mut right) = (Extent::EMPTY, Extent::EMPTY);
+    let (mut i, mut j) = (0, items.len());
+    loop {
+        while i < j && is_left(&items[i]) {
+            left.add(&items[i]);
+            i += 1;
+        }
+        while i < j && !is_left(&items[j - 1]) {
+            j -= 1;
+            right.add(&items[j]);
+        }
+        if i == j {
+            return (i, left, right);
+        }
+        items.swap(i, j - 1);
+    }
+}

@@ -1,0 +1,295 @@
+//! The ray kernel: one loop over both levels of trees.
+//!
+//! A node's eight boxes are tested at once; the nearest child is visited next, the others wait on a stack,
+//! farthest first. Entries that lie behind the nearest hit by the time they come up are dropped. Box tests are
+//! conservative (Ize 2013, "Robust BVH Ray Traversal"): distances to near planes are rounded down and to far
+//! planes up by more than their arithmetic can be off, so a ray never misses the box of what it meets.
+
+use std::mem::MaybeUninit;
+
+use glam::{Affine3A, Vec3};
+
+use super::binary::{Kind, MAX_DEPTH, WIDTH};
+use super::source::FILTERED;
+use super::wide::{Link, Node};
+use super::{Accel, Hit, Ray};
+use crate::geometry::Candidates;
+use crate::geometry::triangle::ShearedLanes;
+use crate::isa::{Isa, Job, Lanes};
+
+/// Entries a traversal may need: in each of two trees all but one child of a node per level, the marker between
+/// them, and the root.
+const STACK: usize = 2 * (WIDTH - 1) * MAX_DEPTH + 2;
+
+/// Bounds the relative error of a distance to a plane: a subtraction, a reciprocal and a product, in each of the
+/// two distances compared (half an epsilon each), doubled because room is cheap.
+const SLACK: f32 = 4.0 * f32::EPSILON;
+
+/// Outside of any instance's tree.
+const WORLD: u32 = u32::MAX;
+
+/// Asks the trees about one ray. `ANY`: whether any hit will do.
+pub(super) struct Query<'a, F, const ANY: bool> {
+    pub(super) accel: &'a Accel,
+    pub(super) ray: &'a Ray,
+    pub(super) filter: F,
+}
+
+/// A ray as nodes and blocks want it.
+#[derive(Clone, Copy)]
+struct Prepared<I: Isa> {
+    origin: [I::F32x8; 3],
+    near: [I::F32x8; 3],
+    far: [I::F32x8; 3],
+    /// By axis: whether it runs downwards, so that the maximum is the near plane.
+    down: [usize; 3],
+    sheared: ShearedLanes<I>,
+}
+
+impl<I: Isa> Prepared<I> {
+    #[inline(always)]
+    fn new(isa: I, origin: Vec3, direction: Vec3) -> Self {
+        let reciprocal = direction.to_array().map(|d| 1.0 / d);
+        Self {
+            origin: origin.to_array().map(|x| isa.splat(x)),
+            near: reciprocal.map(|x| isa.splat(x * (1.0 - SLACK))),
+            far: reciprocal.map(|x| isa.splat(x * (1.0 + SLACK))),
+            down: reciprocal.map(|x| usize::from(x < 0.0)),
+            sheared: ShearedLanes::new(isa, origin, direction),
+        }
+    }
+}
+
+impl Node {
+    /// Which children the ray meets, and at what distance it enters them.
+    #[inline(always)]
+    fn intersect<I: Isa>(
+        &self,
+        isa: I,
+        ray: &Prepared<I>,
+        t_min: I::F32x8,
+        t_max: I::F32x8,
+    ) -> (u32, I::F32x8) {
+        let plane = |axis: usize, side: usize, reciprocal| {
+            let plane = isa.load(&self.planes[axis][side & 1]);
+            isa.mul(isa.sub(plane, ray.origin[axis]), reciprocal)
+        };
+        let near = [0, 1, 2].map(|i| plane(i, ray.down[i], ray.near[i]));
+        let far = [0, 1, 2].map(|i| plane(i, 1 - ray.down[i], ray.far[i]));
+        // A ray that runs within a plane is 0 times infinity away from it, NaN: not a number that excludes
+        // anything. As first operands NaNs are passed over.
+        let enter = isa.max(near[0], isa.max(near[1], isa.max(near[2], t_min)));
+        let leave = isa.min(far[0], isa.min(far[1], isa.min(far[2], t_max)));
+        (isa.le(enter, leave), enter)
+    }
+}
+
+/// Subtrees still to be visited, each with the distance at which the ray enters it.
+struct Stack {
+    entries: [MaybeUninit<(Link, f32)>; STACK],
+    /// Entries below are initialised.
+    len: usize,
+}
+
+impl Stack {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { entries: [MaybeUninit::uninit(); STACK], len: 0 }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, link: Link, t: f32) {
+        self.entries[self.len].write((link, t));
+        self.len += 1;
+    }
+
+    #[inline(always)]
+    fn pop(&mut self) -> Option<(Link, f32)> {
+        self.len = self.len.checked_sub(1)?;
+        // SAFETY: `push` has written the entries below the former length.
+        Some(unsafe { self.entries[self.len].assume_init() })
+    }
+
+    /// Pushes the children in `mask` but the nearest, which is returned; the next nearest ends on top.
+    #[inline(always)]
+    fn push_children(&mut self, links: &[Link; WIDTH], mut mask: u32, t: &Lanes) -> Link {
+        let mut next = || {
+            let lane = mask.trailing_zeros() as usize & (WIDTH - 1);
+            mask &= mask - 1;
+            ((links[lane], t.0[lane]), mask != 0)
+        };
+        let (mut nearest, mut more) = next();
+        let first = self.len;
+        while more {
+            let child;
+            (child, more) = next();
+            let farther = if child.1 < nearest.1 { std::mem::replace(&mut nearest, child) } else { child };
+            self.push(farther.0, farther.1);
+            // SAFETY: `push` has written the entries below the length.
+            let pushed = unsafe { self.entries[first..self.len].assume_init_mut() };
+            let mut at = pushed.len() - 1;
+            while at > 0 && pushed[at - 1].1 < farther.1 {
+                pushed[at] = pushed[at - 1];
+                at -= 1;
+            }
+            pushed[at] = farther;
+        }
+        nearest.0
+    }
+}
+
+/// The nearest hit so far.
+struct Best {
+    t: f32,
+    u: f32,
+    v: f32,
+    /// Whose tree; `WORLD` for none.
+    instance: u32,
+    /// Primitive's id; `u32::MAX` for none.
+    id: u32,
+}
+
+impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
+    type Output = Option<Hit>;
+
+    #[inline(always)]
+    fn run<I: Isa>(mut self, isa: I) -> Option<Hit> {
+        let Ray { origin, direction, t_min, t_max } = *self.ray;
+        let finite = origin.is_finite() && direction.is_finite() && direction != Vec3::ZERO;
+        // So written that NaN fails.
+        if !(finite && t_min < t_max) {
+            return None;
+        }
+        let mut best = Best { t: t_max.min(f32::MAX), u: 0.0, v: 0.0, instance: WORLD, id: u32::MAX };
+        let mut stack = Stack::new();
+        let mut ray = Prepared::new(isa, origin, direction);
+        let mut local = (origin, direction);
+        let mut instance = WORLD;
+        let t_min = isa.splat(t_min);
+        let mut t_max = isa.splat(best.t);
+        let mut link = self.accel.root;
+        loop {
+            if let Some(node) = link.as_node() {
+                let node = &self.accel.store.nodes[node];
+                let (mask, t) = node.intersect(isa, &ray, t_min, t_max);
+                if mask != 0 {
+                    link = stack.push_children(&node.links, mask, &isa.store(t));
+                    continue;
+                }
+            } else {
+                let (kind, index) = link.as_leaf();
+                let found = match kind {
+                    Kind::Triangle => {
+                        let block = &self.accel.store.triangles[index];
+                        let found = block.intersect(isa, &ray.sheared, t_min, t_max);
+                        found.is_some_and(|c| self.accept(&mut best, instance, &c, |i| block.id(i)))
+                    }
+                    Kind::Sphere => {
+                        let block = &self.accel.store.spheres[index];
+                        let found = block.intersect(isa, local.0, local.1, (t_min, t_max));
+                        found.is_some_and(|c| self.accept(&mut best, instance, &c, |i| block.id(i)))
+                    }
+                    Kind::Instance => {
+                        let inner = &self.accel.instances[index];
+                        stack.push(Link::LEAVE, 0.0);
+                        local = into(&inner.to_object, origin, direction);
+                        ray = Prepared::new(isa, local.0, local.1);
+                        instance = inner.instance;
+                        link = inner.root;
+                        continue;
+                    }
+                };
+                if found {
+                    if ANY {
+                        break;
+                    }
+                    t_max = isa.splat(best.t);
+                }
+            }
+            link = loop {
+                let Some((link, t)) = stack.pop() else {
+                    return self.accel.hit(&best);
+                };
+                if link == Link::LEAVE {
+                    local = (origin, direction);
+                    ray = Prepared::new(isa, origin, direction);
+                    instance = WORLD;
+                } else if ANY || t <= best.t {
+                    break link;
+                }
+            };
+        }
+        self.accel.hit(&best)
+    }
+}
+
+/// The ray in an object's space; distances stay as they are.
+#[inline(always)]
+fn into(to_object: &Affine3A, origin: Vec3, direction: Vec3) -> (Vec3, Vec3) {
+    (to_object.transform_point3(origin), to_object.transform_vector3(direction))
+}
+
+impl<F: FnMut(&Hit) -> bool, const ANY: bool> Query<'_, F, ANY> {
+    /// Takes what is nearer than the best so far, and says whether something was.
+    #[inline(always)]
+    fn accept(
+        &mut self,
+        best: &mut Best,
+        instance: u32,
+        found: &Candidates,
+        id: impl Fn(usize) -> u32,
+    ) -> bool {
+        let mut mask = found.mask;
+        let mut any = false;
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize & (WIDTH - 1);
+            mask &= mask - 1;
+            let (t, u, v) = (found.t.0[lane], found.u.0[lane], found.v.0[lane]);
+            let id = id(lane);
+            let candidate = Best { t, u, v, instance, id };
+            if t > best.t || (t == best.t && !self.accel.precedes(&candidate, best)) {
+                continue;
+            }
+            if id & FILTERED != 0 && !self.accel.hit(&candidate).is_some_and(|hit| (self.filter)(&hit)) {
+                continue;
+            }
+            *best = candidate;
+            any = true;
+            if ANY {
+                break;
+            }
+        }
+        any
+    }
+}
+
+impl Accel {
+    fn reference(&self, instance: u32, id: u32) -> super::source::Reference {
+        let mut reference = self.references[(id & !FILTERED) as usize];
+        if instance != WORLD {
+            reference.instance = instance;
+        }
+        reference
+    }
+
+    /// Of two hits at the same distance, whether `a` is on the earlier primitive.
+    #[cold]
+    fn precedes(&self, a: &Best, b: &Best) -> bool {
+        b.id == u32::MAX || self.reference(a.instance, a.id) < self.reference(b.instance, b.id)
+    }
+
+    fn hit(&self, best: &Best) -> Option<Hit> {
+        if best.id == u32::MAX {
+            return None;
+        }
+        let reference = self.reference(best.instance, best.id);
+        Some(Hit {
+            t: best.t,
+            u: best.u,
+            v: best.v,
+            instance: reference.instance,
+            shape: reference.shape,
+            primitive: reference.primitive,
+        })
+    }
+}

@@ -1,7 +1,9 @@
 //! A baseline: Dammertz et al. 2010, a queue of blocks with integer bounds that are split, and discarded for good
 //! when their error is below the target.
 
-use super::{HomeMasks, RuleSettings, StoppingRule};
+use std::sync::Arc;
+
+use super::{ActivePixels, HomeMasks, RuleSettings, StoppingRule};
 use crate::{
     ErrorPlane, PixelRect,
     pixel_rect::{Area, Axis},
@@ -35,6 +37,12 @@ impl DammertzRule {
     }
 }
 
+impl ActivePixels for DammertzRule {
+    fn active(&self, tile: u32) -> u64 {
+        self.masks.active(tile)
+    }
+}
+
 impl StoppingRule for DammertzRule {
     fn update(&mut self, errors: &ErrorPlane) {
         self.sums.load(errors, self.error_rect);
@@ -57,8 +65,8 @@ impl StoppingRule for DammertzRule {
         self.blocks.iter().for_each(|block| self.masks.add(block));
     }
 
-    fn active(&self, tile: u32) -> u64 {
-        self.masks.get(tile)
+    fn check(&self) -> Arc<dyn ActivePixels> {
+        Arc::new(self.masks.clone())
     }
 
     fn is_complete(&self) -> bool {

@@ -13,6 +13,8 @@ pub use pixel::PixelRule;
 pub use tile::TileRule;
 pub use tree::{Rebuild, TreeRule};
 
+use std::sync::Arc;
+
 use crate::{ErrorPlane, RegionTree, Regions};
 
 /// How sampling is steered.
@@ -47,14 +49,23 @@ pub struct RuleSettings {
     pub rebuild: Rebuild,
 }
 
+/// Which pixels are active, as of one update.
+pub trait ActivePixels: Send + Sync {
+    /// The active pixels of one of the region's home tiles.
+    fn active(&self, tile: u32) -> u64;
+}
+
 /// The state of a policy in one region.
-pub trait StoppingRule: Send + Sync {
+///
+/// With unchanged errors an update never activates a pixel: otherwise a finished picture would not stay so.
+pub trait StoppingRule: ActivePixels {
     /// Takes in the errors as they are now. The coordinator calls this only once every tile of the region has
     /// its minimum of samples; before, all pixels are active.
     fn update(&mut self, errors: &ErrorPlane);
 
-    /// The active pixels of one of the region's home tiles.
-    fn active(&self, tile: u32) -> u64;
+    /// What the last update decided, kept as it is now: readers under a lock look into this while the rule
+    /// itself is updated again.
+    fn check(&self) -> Arc<dyn ActivePixels>;
 
     /// Whether no pixel of the region is active any more.
     fn is_complete(&self) -> bool;
@@ -80,15 +91,22 @@ impl Policy {
 }
 
 /// Never stops.
+#[derive(Clone)]
 struct UniformRule {
     regions: Regions,
+}
+
+impl ActivePixels for UniformRule {
+    fn active(&self, tile: u32) -> u64 {
+        self.regions.grid().full_mask(tile)
+    }
 }
 
 impl StoppingRule for UniformRule {
     fn update(&mut self, _: &ErrorPlane) {}
 
-    fn active(&self, tile: u32) -> u64 {
-        self.regions.grid().full_mask(tile)
+    fn check(&self) -> Arc<dyn ActivePixels> {
+        Arc::new(self.clone())
     }
 
     fn is_complete(&self) -> bool {
@@ -104,6 +122,13 @@ struct HomeMasks {
     masks: Vec<u64>,
 }
 
+impl ActivePixels for HomeMasks {
+    fn active(&self, tile: u32) -> u64 {
+        let (column, row) = self.regions.grid().coordinates(tile);
+        self.masks[self.slot(column, row)]
+    }
+}
+
 impl HomeMasks {
     /// All pixels active.
     fn full(regions: &Regions, region: u32) -> Self {
@@ -116,11 +141,6 @@ impl HomeMasks {
         let first = (self.home.x0 / crate::TILE_SIZE, self.home.y0 / crate::TILE_SIZE);
         let stride = self.home.width().div_ceil(crate::TILE_SIZE);
         ((row - first.1) * stride + column - first.0) as usize
-    }
-
-    fn get(&self, tile: u32) -> u64 {
-        let (column, row) = self.regions.grid().coordinates(tile);
-        self.masks[self.slot(column, row)]
     }
 
     fn clear(&mut self) {

@@ -1,7 +1,9 @@
 //! A baseline: each pixel stops on its own error, unless a neighbour goes on; what path tracers with per-pixel
 //! adaptive sampling do.
 
-use super::{HomeMasks, RuleSettings, StoppingRule};
+use std::sync::Arc;
+
+use super::{ActivePixels, HomeMasks, RuleSettings, StoppingRule};
 use crate::{ErrorPlane, PixelRect, region_error::region_error};
 
 /// Pixels that stop on their own.
@@ -27,6 +29,12 @@ impl PixelRule {
     }
 }
 
+impl ActivePixels for PixelRule {
+    fn active(&self, tile: u32) -> u64 {
+        self.masks.active(tile)
+    }
+}
+
 impl StoppingRule for PixelRule {
     fn update(&mut self, errors: &ErrorPlane) {
         errors.copy_rect(&self.error_rect, &mut self.errors);
@@ -42,8 +50,8 @@ impl StoppingRule for PixelRule {
         }
     }
 
-    fn active(&self, tile: u32) -> u64 {
-        self.masks.get(tile)
+    fn check(&self) -> Arc<dyn ActivePixels> {
+        Arc::new(self.masks.clone())
     }
 
     fn is_complete(&self) -> bool {

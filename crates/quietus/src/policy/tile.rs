@@ -1,6 +1,8 @@
 //! A baseline: each tile stops for good on its own error, the talk's "previous generation" (section 3).
 
-use super::{HomeMasks, RuleSettings, StoppingRule};
+use std::sync::Arc;
+
+use super::{ActivePixels, HomeMasks, RuleSettings, StoppingRule};
 use crate::{ErrorPlane, region_error::region_error};
 
 /// Tiles that stop on their own.
@@ -23,6 +25,12 @@ impl TileRule {
     }
 }
 
+impl ActivePixels for TileRule {
+    fn active(&self, tile: u32) -> u64 {
+        self.masks.active(tile)
+    }
+}
+
 impl StoppingRule for TileRule {
     fn update(&mut self, errors: &ErrorPlane) {
         for (&tile, mask) in self.home_tiles.iter().zip(&mut self.masks.masks) {
@@ -34,8 +42,8 @@ impl StoppingRule for TileRule {
         }
     }
 
-    fn active(&self, tile: u32) -> u64 {
-        self.masks.get(tile)
+    fn check(&self) -> Arc<dyn ActivePixels> {
+        Arc::new(self.masks.clone())
     }
 
     fn is_complete(&self) -> bool {

@@ -1,8 +1,10 @@
 //! The talk's policy: a tree over the region, rebuilt from scratch at each update.
 
-use super::{HomeMasks, RuleSettings, StoppingRule};
+use std::sync::Arc;
+
+use super::{ActivePixels, HomeMasks, RuleSettings, StoppingRule};
 use crate::{
-    ErrorPlane, PixelRect, RegionTree,
+    ErrorPlane, PixelRect, RegionTree, TileGrid,
     active_mask::fill_to_bounding_rectangle,
     region_tree::{Split, TreeSettings},
     summed_area::{Resummed, SummedArea},
@@ -60,6 +62,45 @@ impl TreeRule {
     }
 }
 
+/// Checks a tile by walking the tree.
+struct TreeWalk {
+    tree: RegionTree,
+    grid: TileGrid,
+    fills: bool,
+}
+
+impl ActivePixels for TreeWalk {
+    fn active(&self, tile: u32) -> u64 {
+        filled(self.tree.active(&self.grid.tile_rect(tile)), self.fills)
+    }
+}
+
+/// Checks a tile by the mask that was drawn for it.
+struct DrawnMasks {
+    masks: HomeMasks,
+    fills: bool,
+}
+
+impl ActivePixels for DrawnMasks {
+    fn active(&self, tile: u32) -> u64 {
+        filled(self.masks.active(tile), self.fills)
+    }
+}
+
+fn filled(mask: u64, fills: bool) -> u64 {
+    if fills { fill_to_bounding_rectangle(mask) } else { mask }
+}
+
+impl ActivePixels for TreeRule {
+    fn active(&self, tile: u32) -> u64 {
+        let mask = match &self.rebuilder {
+            Rebuilder::Resummed(_) => self.tree.active(&self.masks.regions.grid().tile_rect(tile)),
+            Rebuilder::SummedArea(_) => self.masks.active(tile),
+        };
+        filled(mask, self.fills)
+    }
+}
+
 impl StoppingRule for TreeRule {
     fn update(&mut self, errors: &ErrorPlane) {
         match &mut self.rebuilder {
@@ -76,12 +117,12 @@ impl StoppingRule for TreeRule {
         }
     }
 
-    fn active(&self, tile: u32) -> u64 {
-        let mask = match &self.rebuilder {
-            Rebuilder::Resummed(_) => self.tree.active(&self.masks.regions.grid().tile_rect(tile)),
-            Rebuilder::SummedArea(_) => self.masks.get(tile),
-        };
-        if self.fills { fill_to_bounding_rectangle(mask) } else { mask }
+    fn check(&self) -> Arc<dyn ActivePixels> {
+        let (grid, fills) = (*self.masks.regions.grid(), self.fills);
+        match &self.rebuilder {
+            Rebuilder::Resummed(_) => Arc::new(TreeWalk { tree: self.tree.clone(), grid, fills }),
+            Rebuilder::SummedArea(_) => Arc::new(DrawnMasks { masks: self.masks.clone(), fills }),
+        }
     }
 
     fn is_complete(&self) -> bool {

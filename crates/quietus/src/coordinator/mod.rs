@@ -1,0 +1,238 @@
+//! The coordinator: what a renderer's threads share, and the only place where algorithm and protocol meet.
+//!
+//! It never sees colours, rays, films, files or thread pools: threads ask for tile visits, draw what a visit
+//! says, and hand back 64 pixel errors.
+
+mod checks;
+mod end;
+mod region;
+mod settings;
+mod statistics;
+#[cfg(all(test, not(any(loom, shuttle))))]
+mod tests;
+mod visit;
+mod worker;
+
+pub use settings::{Checks, MAX_FRAME_PIXELS, Settings, SettingsError};
+pub use statistics::{RebuildRecord, Statistics};
+pub use visit::{PixelWork, Visit};
+pub use worker::Worker;
+
+use crate::{
+    ErrorPlane, PixelError, RegionTree, Regions, TILE_PIXELS, TileGrid,
+    inspect::tree_svg,
+    morton::morton_order,
+    policy::RuleSettings,
+    protocol::{Mode, Outcome, Protocol},
+    sample_counts::SampleCounts,
+    sync::Ordering,
+};
+use checks::TreeChecks;
+use end::{PassLedger, Quiescence};
+use region::Region;
+use statistics::Counters;
+
+/// Adaptive sampling of one picture, shared by reference among the renderer's own threads.
+pub struct AdaptiveSampling {
+    settings: Settings,
+    regions: Regions,
+    protocol: Protocol<Region>,
+    checks: TreeChecks,
+    /// Error planes by slot of the pass.
+    planes: Box<[ErrorPlane]>,
+    counts: SampleCounts,
+    finish: FinishRule,
+    counters: Counters,
+    progress: Box<[region::Progress]>,
+    /// Passes after which every pixel has its minimum of samples, or its maximum.
+    min_passes: u64,
+}
+
+/// When the picture is finished.
+enum FinishRule {
+    QuietPasses(PassLedger),
+    AtRest(Quiescence),
+}
+
+impl AdaptiveSampling {
+    /// Prepares to sample what `settings` ask for.
+    ///
+    /// # Errors
+    /// Where the settings make no sense; the error says what would.
+    pub fn new(settings: Settings) -> Result<Self, SettingsError> {
+        settings.validate()?;
+        let grid = settings.grid();
+        let regions = Regions::new(grid, settings.regions_per_axis);
+        let frame = f64::from(settings.width) * f64::from(settings.height);
+        let rule_settings = RuleSettings {
+            regions: regions.clone(),
+            target_error: settings.target_error,
+            frame_area: settings.frame_area.unwrap_or(frame),
+            rebuild: settings.rebuild,
+        };
+        let rules: Vec<_> =
+            (0..regions.len()).map(|region| settings.policy.rule(&rule_settings, region)).collect();
+        let checks = TreeChecks::new(&settings, &regions, &rules);
+        let homes: Vec<u32> = (0..grid.tiles()).map(|tile| regions.home(tile)).collect();
+        let containing: Vec<Vec<u32>> =
+            (0..grid.tiles()).map(|tile| regions.containing(tile).collect()).collect();
+        let progress = (0..regions.len()).map(|r| region::Progress::new(&regions, r)).collect();
+        let states = (0..).zip(rules).map(|(r, rule)| Region::new(&regions, r, rule)).collect();
+        let finish = match settings.mode {
+            Mode::Deterministic { lag } => FinishRule::QuietPasses(PassLedger::new(regions.len(), lag)),
+            Mode::FreeRunning => FinishRule::AtRest(Quiescence::new(regions.len())),
+        };
+        Ok(Self {
+            protocol: Protocol::new(settings.mode, morton_order(&grid), &homes, &containing, states),
+            checks,
+            planes: (0..settings.mode.slots()).map(|_| ErrorPlane::new(grid)).collect(),
+            counts: SampleCounts::new(grid.tiles(), settings.replicates),
+            finish,
+            counters: Counters::default(),
+            progress,
+            min_passes: min_passes(&settings),
+            regions,
+            settings,
+        })
+    }
+
+    /// A handle for one of the renderer's threads.
+    pub fn worker(&self) -> Worker<'_> {
+        Worker::new(self)
+    }
+
+    /// Deals no more visits, from any thread at any time. Visits that are being drawn can still be finished.
+    pub fn stop(&self) {
+        self.protocol.end(Outcome::Stopped);
+    }
+
+    /// Whether the picture is finished: no pixel needs more samples.
+    pub fn is_finished(&self) -> bool {
+        self.outcome() == Some(Outcome::Finished)
+    }
+
+    /// Why no more visits are dealt; `None` while they are.
+    pub fn outcome(&self) -> Option<Outcome> {
+        self.protocol.outcome()
+    }
+
+    /// What was asked for.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The tiles of the window (the crop, or the frame).
+    pub fn grid(&self) -> &TileGrid {
+        self.regions.grid()
+    }
+
+    /// How many samples each replicate of each pixel has. Exact once the workers are done.
+    pub fn counts(&self) -> &SampleCounts {
+        &self.counts
+    }
+
+    /// The errors of a tile as of its last finished visit; zero before its first.
+    pub fn errors(&self, tile: u32) -> [PixelError; TILE_PIXELS] {
+        let visits = self.protocol.finished_visits(tile);
+        self.plane(visits.saturating_sub(1)).load_tile(tile)
+    }
+
+    /// The active pixels of a tile, bit `8 y + x`, as of its home region's latest tree.
+    pub fn active_mask(&self, tile: u32) -> u64 {
+        let home = self.protocol.home(tile);
+        let trees = self.protocol.published(home);
+        self.checks.active(tile, home, trees.saturating_sub(1))
+    }
+
+    /// The share of pixels that are complete in the latest trees, in 0..=1.
+    pub fn converged_fraction(&self) -> f64 {
+        // Relaxed: a progress report.
+        let active: u64 = self.progress.iter().map(|p| p.active_pixels.load(Ordering::Relaxed)).sum();
+        1.0 - active as f64 / self.grid().rect().area() as f64
+    }
+
+    /// The latest tree of each region, `None` where the policy has none or it was not built yet.
+    pub fn region_trees(&self) -> Vec<Option<RegionTree>> {
+        (0..self.regions.len())
+            .map(|region| self.protocol.with_state(region, |state| state.tree().cloned()))
+            .collect()
+    }
+
+    /// An SVG drawing of the latest trees.
+    pub fn tree_svg(&self) -> String {
+        let trees = self.region_trees();
+        tree_svg(&self.regions, trees.iter().map(Option::as_ref))
+    }
+
+    /// What happened so far. Workers add what they counted when they draw, sleep or end.
+    pub fn statistics(&self) -> Statistics {
+        let [visits, skips, idle_nanoseconds] = self.counters.load();
+        let mut statistics = Statistics {
+            visits,
+            skips,
+            idle_nanoseconds,
+            passes: self.passes(),
+            lock_wait_nanoseconds: self.checks.read_wait_nanoseconds(),
+            ..Statistics::default()
+        };
+        for region in 0..self.regions.len() {
+            self.protocol.with_state(region, |state| state.add_to(&mut statistics));
+        }
+        statistics
+    }
+
+    fn passes(&self) -> u64 {
+        match &self.finish {
+            FinishRule::QuietPasses(ledger) => ledger.complete(),
+            FinishRule::AtRest(_) => self.protocol.tickets() / u64::from(self.grid().tiles()),
+        }
+    }
+
+    /// The error plane of a pass.
+    fn plane(&self, pass: u64) -> &ErrorPlane {
+        &self.planes[(pass % self.planes.len() as u64) as usize]
+    }
+
+    /// The pixels that a tile's visit in `pass` may draw, whatever their counts.
+    fn check(&self, tile: u32, pass: u64) -> u64 {
+        let tree = match self.settings.mode {
+            Mode::Deterministic { lag } => pass.checked_sub(lag.into()),
+            Mode::FreeRunning => Some(0),
+        };
+        match tree {
+            Some(tree) => self.checks.active(tile, self.protocol.home(tile), tree),
+            None => self.grid().full_mask(tile),
+        }
+    }
+
+    /// Those of `mask` that have not reached the maximum of samples.
+    fn below_maximum(&self, tile: u32, mask: u64) -> u64 {
+        crate::active_mask::pixels(mask)
+            .filter(|&pixel| self.counts.pixel(tile, pixel) < self.settings.max_samples)
+            .fold(0, |below, pixel| below | 1 << pixel)
+    }
+
+    /// What a pixel of `count` samples is to have after pass `pass`, over all replicates.
+    fn target_count(&self, count: u32, pass: u64) -> u32 {
+        let size = pass_size(&self.settings, pass);
+        count.saturating_add(size).min(self.settings.max_samples)
+    }
+}
+
+/// Samples that a pass adds to each active pixel, over all replicates, of which each gets as many.
+fn pass_size(settings: &Settings, pass: u64) -> u32 {
+    let pass = u32::try_from(pass).unwrap_or(u32::MAX);
+    let each = settings.schedule.samples_per_replicate(pass, settings.replicates);
+    each.saturating_mul(settings.replicates)
+}
+
+/// Passes that bring every pixel to its minimum. The tree says nothing before: all pixels are drawn alike.
+fn min_passes(settings: &Settings) -> u64 {
+    let mut samples = 0u32;
+    let mut passes = 0;
+    while samples < settings.min_samples.max(1) {
+        samples = samples.saturating_add(pass_size(settings, passes));
+        passes += 1;
+    }
+    passes
+}

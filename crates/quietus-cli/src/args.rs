@@ -109,6 +109,42 @@ pub(crate) struct RenderArgs {
     /// Draw the final tree here, as SVG. Needs --sampling quietus, talk or free-running.
     #[arg(long, value_name = "FILE.svg")]
     pub tree: Option<PathBuf>,
+
+    /// Passes that the tree in use lags behind: 1 saves samples, 2 keeps threads busy at the end.
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=2))]
+    #[arg(help_heading = "Expert")]
+    pub lag: u32,
+
+    /// Trees along each axis of the picture.
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
+    #[arg(help_heading = "Expert")]
+    pub regions: u32,
+
+    /// How tiles look into the tree; the picture is the same.
+    #[arg(long, value_enum, default_value_t = ChecksArg::Published, help_heading = "Expert")]
+    pub checks: ChecksArg,
+
+    /// How trees are rebuilt; the picture is the same.
+    #[arg(long, value_enum, default_value_t = RebuildArg::SummedArea, help_heading = "Expert")]
+    pub rebuild: RebuildArg,
+}
+
+/// `--checks`.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ChecksArg {
+    /// Under striped reader-writer locks, as in the talk.
+    Locks,
+    /// By masks that each rebuild publishes, without locks.
+    Published,
+}
+
+/// `--rebuild`.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum RebuildArg {
+    /// Errors are summed anew for every node, as in the talk.
+    Resummed,
+    /// From a summed-area table.
+    SummedArea,
 }
 
 /// `--sampling`.

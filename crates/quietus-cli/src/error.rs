@@ -115,6 +115,7 @@ impl From<RenderError> for Failure {
     fn from(error: RenderError) -> Self {
         match error {
             RenderError::Layout(error) => error.into(),
+            RenderError::Settings(error) => Self::usage(error.to_string()),
             other => Self::internal(other.to_string()),
         }
     }

@@ -3,12 +3,13 @@
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
+use quietus::{Checks, Rebuild};
 use quietus_film::{Layout, OutputFormat, Window, check_writable};
-use quietus_render::{RenderSettings, Sampling, available_memory};
+use quietus_render::{Machinery, RenderSettings, Sampling, available_memory};
 use quietus_trace::desc::Camera;
 use quietus_trace::filter::Filter;
 
-use crate::args::{FilterArg, RenderArgs, SamplingArg};
+use crate::args::{ChecksArg, FilterArg, RebuildArg, RenderArgs, SamplingArg};
 use crate::error::Failure;
 
 /// Region error at which the default picture looks clean at arm's length.
@@ -79,7 +80,23 @@ impl Plan {
             max_samples: self.max_samples,
             time_limit: args.time,
             threads: self.threads,
+            machinery: machinery(args),
         })
+    }
+}
+
+fn machinery(args: &RenderArgs) -> Machinery {
+    Machinery {
+        lag: args.lag,
+        regions_per_axis: args.regions,
+        checks: match args.checks {
+            ChecksArg::Locks => Checks::StripedLocks,
+            ChecksArg::Published => Checks::Published,
+        },
+        rebuild: match args.rebuild {
+            RebuildArg::Resummed => Rebuild::Resummed,
+            RebuildArg::SummedArea => Rebuild::SummedArea,
+        },
     }
 }
 

@@ -1,9 +1,10 @@
 //! `quietus render`: from the scene to the pictures.
 
+use std::io::Write;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use quietus_film::{OutputFormat, RejectedSamples, write_exr, write_png};
+use quietus_film::{OutputError, OutputFormat, RejectedSamples, write_atomically, write_exr, write_png};
 use quietus_render::{
     Control, Fault, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, render,
     shown_error,
@@ -17,7 +18,7 @@ use crate::error::{Ending, Failure};
 use crate::interrupt;
 use crate::plan::{Plan, filter};
 use crate::progress_bar::Bar;
-use crate::report::{Settings, write_stats};
+use crate::report::{Settings, name, write_stats};
 
 /// Everything a render needs, loaded and checked.
 struct Ready {
@@ -125,7 +126,7 @@ fn fault_message(args: &RenderArgs, settings: &RenderSettings, fault: &Fault) ->
     flag("--crop ", format!("{x},{y},{},{}", x + 1, y + 1));
     flag("--spp ", (2 * (u64::from(*index) + 1)).to_string());
     flag("--max-depth ", args.max_depth.to_string());
-    flag("--filter ", crate::report::filter_name(args.filter).to_owned());
+    flag("--filter ", name(args.filter));
     flag("--seed ", args.seed.to_string());
     flag("--threads ", "1".to_owned());
     format!(
@@ -164,6 +165,13 @@ fn write(args: &RenderArgs, plan: &Plan, ready: &Ready, rendered: &Rendered) -> 
             OutputFormat::Exr => write_exr(path, &picture, &metadata)?,
             OutputFormat::Png => write_png(path, &picture)?,
         }
+    }
+    if let Some(path) = &args.tree {
+        let svg = rendered.sampling.tree_svg();
+        write_atomically(path, |writer| {
+            let failed = |source| OutputError::Write { path: path.clone(), source };
+            writer.write_all(svg.as_bytes()).map_err(failed)
+        })?;
     }
     if let Some(path) = &args.stats {
         write_stats(path, &ready.report, ready.load_seconds, rendered)?;

@@ -3,12 +3,13 @@
 use std::io::Write;
 use std::path::Path;
 
+use clap::ValueEnum;
 use quietus_film::{Metadata, OutputError, write_atomically};
 use quietus_render::{RenderSettings, Rendered, Sampling, Statistics, StoppedBy};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::args::{FilterArg, RenderArgs};
+use crate::args::RenderArgs;
 
 /// All settings of a render, defaults filled in.
 #[derive(Serialize, Clone, Debug)]
@@ -25,9 +26,13 @@ pub(crate) struct Settings {
     max_samples: Option<u32>,
     time_limit_seconds: Option<f64>,
     max_depth: u32,
-    filter: &'static str,
+    filter: String,
     seed: u64,
     threads: usize,
+    lag: Option<u32>,
+    regions: u32,
+    checks: String,
+    rebuild: String,
 }
 
 impl Settings {
@@ -49,9 +54,13 @@ impl Settings {
             max_samples: (settings.max_samples < u32::MAX).then_some(settings.max_samples),
             time_limit_seconds: settings.time_limit.map(|limit| limit.as_secs_f64()),
             max_depth: args.max_depth,
-            filter: filter_name(args.filter),
+            filter: name(args.filter),
             seed: args.seed,
             threads: settings.threads.get(),
+            lag: (settings.sampling != Sampling::FreeRunning).then_some(args.lag),
+            regions: args.regions,
+            checks: name(args.checks),
+            rebuild: name(args.rebuild),
         }
     }
 
@@ -83,12 +92,9 @@ fn sampling_name(sampling: Sampling) -> &'static str {
     }
 }
 
-pub(crate) fn filter_name(filter: FilterArg) -> &'static str {
-    match filter {
-        FilterArg::Box => "box",
-        FilterArg::Gaussian => "gaussian",
-        FilterArg::BlackmanHarris => "blackman-harris",
-    }
+/// What the command line calls a value.
+pub(crate) fn name(value: impl ValueEnum) -> String {
+    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
 /// The object in a `--stats` file; `docs/stats.md` explains every key.

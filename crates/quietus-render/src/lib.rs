@@ -10,7 +10,6 @@ mod process;
 mod progress;
 mod run;
 mod settings;
-mod stand_in;
 mod statistics;
 mod tracer;
 
@@ -19,6 +18,6 @@ pub use pixel_errors::{pixel_error, shown_error};
 pub use process::available_memory;
 pub use progress::Progress;
 pub use run::{Control, RenderError, Rendered, StoppedBy, render};
-pub use settings::{RenderSettings, Sampling};
+pub use settings::{Machinery, RenderSettings, Sampling};
 pub use statistics::{SampleStatistics, Statistics};
 pub use tracer::{PathTracer, Tracer};

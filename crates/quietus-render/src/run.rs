@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use quietus::AdaptiveSampling;
 use quietus_film::{Film, Layout, LayoutError, TILE_PIXELS, TileBuffer};
 use quietus_trace::tile::{PixelWork, TileCounts};
 
@@ -13,7 +14,6 @@ use crate::pixel_errors::{REPLICATES, tile_errors};
 use crate::process;
 use crate::progress::{Estimator, Progress};
 use crate::settings::RenderSettings;
-use crate::stand_in::AdaptiveSampling;
 use crate::statistics::{SampleStatistics, Statistics};
 use crate::tracer::Tracer;
 
@@ -43,6 +43,8 @@ pub enum StoppedBy {
 pub struct Rendered {
     /// The film as it stands.
     pub film: Film,
+    /// The sampling as it stands: sample counts, errors, trees.
+    pub sampling: AdaptiveSampling,
     /// Its figures.
     pub statistics: Statistics,
     /// Why it ended.
@@ -55,6 +57,9 @@ pub enum RenderError {
     /// Frame or window out of range.
     #[error(transparent)]
     Layout(#[from] LayoutError),
+    /// Settings that the sampling refuses.
+    #[error(transparent)]
+    Settings(#[from] quietus::SettingsError),
     /// A thread could not be started.
     #[error("cannot start render thread {number}: {source}")]
     Thread {
@@ -107,12 +112,11 @@ pub fn render<T: Tracer>(
     control: &mut Control<'_>,
 ) -> Result<Rendered, RenderError> {
     let layout = Layout::new(settings.frame, settings.window, REPLICATES)?;
-    let window = settings.window;
     let shared = Shared {
         tracer,
         settings,
         film: Film::new(layout),
-        sampling: AdaptiveSampling::new(window.width(), window.height(), settings.max_samples),
+        sampling: AdaptiveSampling::new(settings.library(REPLICATES as u32))?,
         counters: (0..settings.threads.get()).map(|_| Counters::default()).collect(),
         fault: Mutex::default(),
         running: Mutex::new(0),
@@ -142,7 +146,9 @@ pub fn render<T: Tracer>(
     }
     let cpu = cpu_start.zip(process::cpu_time()).map(|(before, after)| after.saturating_sub(before));
     let statistics = shared.statistics(wall, cpu);
-    Ok(Rendered { film: shared.film, statistics, stopped_by })
+    // It may have finished just when it was told to stop.
+    let stopped_by = if shared.sampling.is_finished() { StoppedBy::Done } else { stopped_by };
+    Ok(Rendered { film: shared.film, sampling: shared.sampling, statistics, stopped_by })
 }
 
 impl<T: Tracer> Shared<'_, T> {
@@ -150,14 +156,14 @@ impl<T: Tracer> Shared<'_, T> {
     fn work(&self, counters: &Counters) {
         let mut buffer = TileBuffer::new(REPLICATES);
         let mut work = Vec::with_capacity(TILE_PIXELS * REPLICATES);
-        let origin = self.settings.window;
-        while let Some(visit) = self.sampling.next_visit() {
+        let mut worker = self.sampling.worker();
+        while let Some(visit) = worker.next_visit() {
             work.clear();
             work.extend(visit.pixels().map(|run| PixelWork {
-                x: origin.x0 + run.x,
-                y: origin.y0 + run.y,
+                x: run.x,
+                y: run.y,
                 pixel: run.pixel,
-                replicate: run.replicate as u8,
+                replicate: run.replicate,
                 first: run.samples.start,
                 count: run.samples.end - run.samples.start,
             }));
@@ -166,7 +172,8 @@ impl<T: Tracer> Shared<'_, T> {
             let counts = match catch_unwind(draw) {
                 Ok(counts) => counts,
                 Err(payload) => {
-                    self.sampling.stop();
+                    // Others may wait for this visit: it will not come back.
+                    drop(visit);
                     let fault = locate(self.tracer, &work, payload.as_ref());
                     lock(&self.fault).get_or_insert(fault);
                     return;
@@ -226,14 +233,29 @@ impl<T: Tracer> Shared<'_, T> {
     }
 
     fn statistics(&self, wall: Duration, cpu: Option<Duration>) -> Statistics {
-        let counts = self.film.sample_counts();
+        let sampling = self.sampling.statistics();
+        let thread_seconds = wall.as_secs_f64() * self.settings.threads.get() as f64;
+        let share = |nanoseconds: u64| nanoseconds as f64 * 1e-9 / thread_seconds.max(1e-9);
+        let milliseconds = |nanoseconds: u64| nanoseconds as f64 * 1e-6;
+        let slowest = sampling.slowest_rebuild();
         Statistics {
             wall_seconds: wall.as_secs_f64(),
             cpu_seconds: cpu.map(|cpu| cpu.as_secs_f64()),
             samples: self.samples(),
             rays: self.counters.iter().map(|c| c.rays.load(Ordering::Relaxed)).sum(),
-            per_pixel: SampleStatistics::of(&counts),
+            per_pixel: SampleStatistics::of(&self.film.sample_counts()),
+            passes: sampling.passes,
             converged_fraction: self.sampling.converged_fraction(),
+            rebuilds: sampling.rebuilds.len(),
+            rebuild_ms_median: milliseconds(sampling.rebuild_nanoseconds_median()),
+            rebuild_ms_max: slowest.map_or(0.0, |rebuild| milliseconds(rebuild.nanoseconds)),
+            tree_nodes_max: sampling.rebuilds.iter().map(|rebuild| rebuild.nodes).max().unwrap_or(0),
+            lock_wait_fraction: share(sampling.lock_wait_nanoseconds),
+            idle_fraction: share(sampling.idle_nanoseconds),
+            visits: sampling.visits,
+            skips: sampling.skips,
+            reopened_pixels: sampling.reopened_pixels,
+            reopened_regions: sampling.reopened_regions,
             nonfinite_samples: self.film.rejected().count(),
             peak_rss_bytes: process::peak_rss_bytes(),
         }

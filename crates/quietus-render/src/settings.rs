@@ -3,6 +3,7 @@
 use std::num::NonZeroUsize;
 use std::time::Duration;
 
+use quietus::{Checks, Mode, PixelRect, Policy, Rebuild};
 use quietus_film::Window;
 
 /// How samples are spread over the picture.
@@ -30,6 +31,17 @@ impl Sampling {
     pub fn has_tree(self) -> bool {
         matches!(self, Self::Quietus | Self::Talk | Self::FreeRunning)
     }
+
+    fn policy(self) -> Policy {
+        match self {
+            Self::Quietus => Policy::Quietus,
+            Self::Talk | Self::FreeRunning => Policy::Talk,
+            Self::Tile => Policy::Tile,
+            Self::Dammertz => Policy::Dammertz,
+            Self::Pixel => Policy::Pixel,
+            Self::Uniform => Policy::Uniform,
+        }
+    }
 }
 
 /// Settings of one render.
@@ -51,4 +63,56 @@ pub struct RenderSettings {
     pub time_limit: Option<Duration>,
     /// Threads that render.
     pub threads: NonZeroUsize,
+    /// Which machinery does it.
+    pub machinery: Machinery,
+}
+
+/// Ways to do the same. The picture depends on the first two alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Machinery {
+    /// How many passes the tree that is consulted lags behind, 1 or 2; without meaning when free-running.
+    pub lag: u32,
+    /// Regions along each axis, each with its own tree: the talk has 2.
+    pub regions_per_axis: u32,
+    /// How tiles are checked against trees.
+    pub checks: Checks,
+    /// How trees are rebuilt.
+    pub rebuild: Rebuild,
+}
+
+impl Default for Machinery {
+    fn default() -> Self {
+        let library = quietus::Settings::new(1, 1);
+        Self {
+            lag: 2,
+            regions_per_axis: library.regions_per_axis,
+            checks: library.checks,
+            rebuild: library.rebuild,
+        }
+    }
+}
+
+impl RenderSettings {
+    /// The same in the library's terms, for pixels of `replicates` replicates.
+    pub(crate) fn library(&self, replicates: u32) -> quietus::Settings {
+        let Window { x0, y0, x1, y1 } = self.window;
+        let uniform = self.sampling == Sampling::Uniform;
+        quietus::Settings {
+            crop: Some(PixelRect::new(x0, y0, x1, y1)),
+            regions_per_axis: self.machinery.regions_per_axis,
+            policy: self.sampling.policy(),
+            target_error: self.target_error,
+            // Uniform sampling ends at the maximum and asks nobody before.
+            min_samples: if uniform { self.max_samples } else { self.min_samples },
+            max_samples: self.max_samples,
+            replicates,
+            mode: match self.sampling {
+                Sampling::FreeRunning => Mode::FreeRunning,
+                _ => Mode::Deterministic { lag: self.machinery.lag },
+            },
+            checks: self.machinery.checks,
+            rebuild: self.machinery.rebuild,
+            ..quietus::Settings::new(self.frame[0], self.frame[1])
+        }
+    }
 }

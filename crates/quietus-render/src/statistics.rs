@@ -43,8 +43,30 @@ pub struct Statistics {
     /// Samples per pixel.
     #[serde(flatten)]
     pub per_pixel: SampleStatistics,
-    /// Share of pixels that were done before the maximum of samples or the end.
+    /// Passes finished everywhere.
+    pub passes: u64,
+    /// Share of pixels that are complete in the latest trees; 0 with uniform sampling.
     pub converged_fraction: f64,
+    /// Rebuilds of trees (updates of blocks and masks with the other policies), all regions together.
+    pub rebuilds: usize,
+    /// Their median time.
+    pub rebuild_ms_median: f64,
+    /// Their longest time.
+    pub rebuild_ms_max: f64,
+    /// Nodes of the largest tree.
+    pub tree_nodes_max: usize,
+    /// Time waited for locks over threads x wall time.
+    pub lock_wait_fraction: f64,
+    /// Time threads slept for want of an eligible tile over threads x wall time.
+    pub idle_fraction: f64,
+    /// Tile visits that drew samples.
+    pub visits: u64,
+    /// Tile visits that found nothing to draw.
+    pub skips: u64,
+    /// Pixels that were complete in a tree and active in the next.
+    pub reopened_pixels: u64,
+    /// Regions that were complete in a tree and active in the next.
+    pub reopened_regions: u64,
     /// Samples rejected because they were not finite.
     pub nonfinite_samples: u64,
     /// Most memory held at once, in bytes; absent where the system does not tell.

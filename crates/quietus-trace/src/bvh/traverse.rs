@@ -13,8 +13,8 @@ use super::binary::{Kind, MAX_DEPTH, WIDTH};
 use super::source::FILTERED;
 use super::wide::{Link, Node};
 use super::{Accel, Hit, Ray};
-use crate::geometry::Candidates;
 use crate::geometry::triangle::ShearedLanes;
+use crate::geometry::{BLOCK, Candidates};
 use crate::isa::{Isa, Job, Lanes};
 
 /// Entries a traversal may need: in each of two trees all but one child of a node per level, the marker between
@@ -49,54 +49,56 @@ struct Prepared<I: Isa> {
 impl<I: Isa> Prepared<I> {
     #[inline(always)]
     fn new(isa: I, origin: Vec3, direction: Vec3) -> Self {
-        let reciprocal = direction.to_array().map(|d| 1.0 / d);
+        let reciprocal = 1.0 / direction;
+        let [near, far] = [reciprocal * (1.0 - SLACK), reciprocal * (1.0 + SLACK)];
+        let down = reciprocal.cmplt(Vec3::ZERO);
         Self {
-            origin: origin.to_array().map(|x| isa.splat(x)),
-            near: reciprocal.map(|x| isa.splat(x * (1.0 - SLACK))),
-            far: reciprocal.map(|x| isa.splat(x * (1.0 + SLACK))),
-            down: reciprocal.map(|x| usize::from(x < 0.0)),
+            origin: [isa.splat(origin.x), isa.splat(origin.y), isa.splat(origin.z)],
+            near: [isa.splat(near.x), isa.splat(near.y), isa.splat(near.z)],
+            far: [isa.splat(far.x), isa.splat(far.y), isa.splat(far.z)],
+            down: [usize::from(down.test(0)), usize::from(down.test(1)), usize::from(down.test(2))],
             sheared: ShearedLanes::new(isa, origin, direction),
         }
     }
-}
 
-impl Node {
-    /// Which children the ray meets, and at what distance it enters them.
+    /// Distances to the planes of a node that the ray passes first on an axis.
     #[inline(always)]
-    fn intersect<I: Isa>(
-        &self,
-        isa: I,
-        ray: &Prepared<I>,
-        t_min: I::F32x8,
-        t_max: I::F32x8,
-    ) -> (u32, I::F32x8) {
-        let plane = |axis: usize, side: usize, reciprocal| {
-            let plane = isa.load(&self.planes[axis][side & 1]);
-            isa.mul(isa.sub(plane, ray.origin[axis]), reciprocal)
-        };
-        let near = [0, 1, 2].map(|i| plane(i, ray.down[i], ray.near[i]));
-        let far = [0, 1, 2].map(|i| plane(i, 1 - ray.down[i], ray.far[i]));
+    fn enter(&self, isa: I, node: &Node, axis: usize) -> I::F32x8 {
+        let plane = isa.load(&node.planes[axis][self.down[axis] & 1]);
+        isa.mul(isa.sub(plane, self.origin[axis]), self.near[axis])
+    }
+
+    /// Distances to the planes of a node that the ray passes last on an axis.
+    #[inline(always)]
+    fn leave(&self, isa: I, node: &Node, axis: usize) -> I::F32x8 {
+        let plane = isa.load(&node.planes[axis][(self.down[axis] & 1) ^ 1]);
+        isa.mul(isa.sub(plane, self.origin[axis]), self.far[axis])
+    }
+
+    /// Which children of a node the ray meets, and at what distance it enters them.
+    #[inline(always)]
+    fn children(&self, isa: I, node: &Node, t_min: I::F32x8, t_max: I::F32x8) -> (u32, I::F32x8) {
         // A ray that runs within a plane is 0 times infinity away from it, NaN: not a number that excludes
         // anything. As first operands NaNs are passed over.
-        let enter = isa.max(near[0], isa.max(near[1], isa.max(near[2], t_min)));
-        let leave = isa.min(far[0], isa.min(far[1], isa.min(far[2], t_max)));
+        let mut enter = isa.max(self.enter(isa, node, 2), t_min);
+        enter = isa.max(self.enter(isa, node, 1), enter);
+        enter = isa.max(self.enter(isa, node, 0), enter);
+        let mut leave = isa.min(self.leave(isa, node, 2), t_max);
+        leave = isa.min(self.leave(isa, node, 1), leave);
+        leave = isa.min(self.leave(isa, node, 0), leave);
         (isa.le(enter, leave), enter)
     }
 }
 
 /// Subtrees still to be visited, each with the distance at which the ray enters it.
-struct Stack {
-    entries: [MaybeUninit<(Link, f32)>; STACK],
+struct Stack<'a> {
+    /// Apart from the length: rustc would clear all of a structure that is uninitialised only in parts.
+    entries: &'a mut [MaybeUninit<(Link, f32)>; STACK],
     /// Entries below are initialised.
     len: usize,
 }
 
-impl Stack {
-    #[inline(always)]
-    fn new() -> Self {
-        Self { entries: [MaybeUninit::uninit(); STACK], len: 0 }
-    }
-
+impl Stack<'_> {
     #[inline(always)]
     fn push(&mut self, link: Link, t: f32) {
         self.entries[self.len].write((link, t));
@@ -113,16 +115,10 @@ impl Stack {
     /// Pushes the children in `mask` but the nearest, which is returned; the next nearest ends on top.
     #[inline(always)]
     fn push_children(&mut self, links: &[Link; WIDTH], mut mask: u32, t: &Lanes) -> Link {
-        let mut next = || {
-            let lane = mask.trailing_zeros() as usize & (WIDTH - 1);
-            mask &= mask - 1;
-            ((links[lane], t.0[lane]), mask != 0)
-        };
-        let (mut nearest, mut more) = next();
+        let mut nearest = take_lane(links, &mut mask, t);
         let first = self.len;
-        while more {
-            let child;
-            (child, more) = next();
+        while mask != 0 {
+            let child = take_lane(links, &mut mask, t);
             let farther = if child.1 < nearest.1 { std::mem::replace(&mut nearest, child) } else { child };
             self.push(farther.0, farther.1);
             // SAFETY: `push` has written the entries below the length.
@@ -136,6 +132,14 @@ impl Stack {
         }
         nearest.0
     }
+}
+
+/// The child in the lowest lane of `mask`, which is taken out of it.
+#[inline(always)]
+fn take_lane(links: &[Link; WIDTH], mask: &mut u32, t: &Lanes) -> (Link, f32) {
+    let lane = mask.trailing_zeros() as usize & (WIDTH - 1);
+    *mask &= *mask - 1;
+    (links[lane], t.0[lane])
 }
 
 /// The nearest hit so far.
@@ -161,7 +165,8 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
             return None;
         }
         let mut best = Best { t: t_max.min(f32::MAX), u: 0.0, v: 0.0, instance: WORLD, id: u32::MAX };
-        let mut stack = Stack::new();
+        let mut entries = [const { MaybeUninit::uninit() }; STACK];
+        let mut stack = Stack { entries: &mut entries, len: 0 };
         let mut ray = Prepared::new(isa, origin, direction);
         let mut local = (origin, direction);
         let mut instance = WORLD;
@@ -171,7 +176,7 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
         loop {
             if let Some(node) = link.as_node() {
                 let node = &self.accel.store.nodes[node];
-                let (mask, t) = node.intersect(isa, &ray, t_min, t_max);
+                let (mask, t) = ray.children(isa, node, t_min, t_max);
                 if mask != 0 {
                     link = stack.push_children(&node.links, mask, &isa.store(t));
                     continue;
@@ -181,13 +186,17 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
                 let found = match kind {
                     Kind::Triangle => {
                         let block = &self.accel.store.triangles[index];
-                        let found = block.intersect(isa, &ray.sheared, t_min, t_max);
-                        found.is_some_and(|c| self.accept(&mut best, instance, &c, |i| block.id(i)))
+                        match block.intersect(isa, &ray.sheared, t_min, t_max) {
+                            Some(found) => self.accept(&mut best, instance, &found, block.ids()),
+                            None => false,
+                        }
                     }
                     Kind::Sphere => {
                         let block = &self.accel.store.spheres[index];
-                        let found = block.intersect(isa, local.0, local.1, (t_min, t_max));
-                        found.is_some_and(|c| self.accept(&mut best, instance, &c, |i| block.id(i)))
+                        match block.intersect(isa, local.0, local.1, (t_min, t_max)) {
+                            Some(found) => self.accept(&mut best, instance, &found, block.ids()),
+                            None => false,
+                        }
                     }
                     Kind::Instance => {
                         let inner = &self.accel.instances[index];
@@ -232,20 +241,14 @@ fn into(to_object: &Affine3A, origin: Vec3, direction: Vec3) -> (Vec3, Vec3) {
 impl<F: FnMut(&Hit) -> bool, const ANY: bool> Query<'_, F, ANY> {
     /// Takes what is nearer than the best so far, and says whether something was.
     #[inline(always)]
-    fn accept(
-        &mut self,
-        best: &mut Best,
-        instance: u32,
-        found: &Candidates,
-        id: impl Fn(usize) -> u32,
-    ) -> bool {
+    fn accept(&mut self, best: &mut Best, instance: u32, found: &Candidates, ids: &[u32; BLOCK]) -> bool {
         let mut mask = found.mask;
         let mut any = false;
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize & (WIDTH - 1);
             mask &= mask - 1;
             let (t, u, v) = (found.t.0[lane], found.u.0[lane], found.v.0[lane]);
-            let id = id(lane);
+            let id = ids[lane];
             let candidate = Best { t, u, v, instance, id };
             if t > best.t || (t == best.t && !self.accel.precedes(&candidate, best)) {
                 continue;

@@ -51,16 +51,6 @@ impl Link {
         };
         (kind, (self.0 & Self::LAST) as usize)
     }
-
-    #[inline(always)]
-    pub(super) fn bits(self) -> u32 {
-        self.0
-    }
-
-    #[inline(always)]
-    pub(super) fn from_bits(bits: u32) -> Self {
-        Self(bits)
-    }
 }
 
 /// Bounds of up to 8 children, and where they are: four cache lines.

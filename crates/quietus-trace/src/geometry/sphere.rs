@@ -63,8 +63,8 @@ impl SphereBlock {
 
     /// What [`SphereBlock::set`] was told.
     #[inline(always)]
-    pub fn id(&self, lane: usize) -> u32 {
-        self.ids[lane & (BLOCK - 1)]
+    pub fn ids(&self) -> &[u32; BLOCK] {
+        &self.ids
     }
 
     /// The spheres that a ray meets in (`t_min`, `t_max`], each at its nearest point.
@@ -76,26 +76,30 @@ impl SphereBlock {
         direction: Vec3,
         (t_min, t_max): (I::F32x8, I::F32x8),
     ) -> Option<Candidates> {
-        let dot = |a: [I::F32x8; 3], b: [I::F32x8; 3]| {
-            let xy = isa.add(isa.mul(a[0], b[0]), isa.mul(a[1], b[1]));
-            isa.add(xy, isa.mul(a[2], b[2]))
-        };
         let zero = isa.splat(0.0);
-        let d = direction.to_array().map(|x| isa.splat(x));
-        let f = [0, 1, 2].map(|i| isa.sub(isa.splat(origin[i]), isa.load(&self.center[i])));
-        let a = dot(d, d);
-        let b = isa.sub(zero, dot(f, d));
+        let d = [isa.splat(direction.x), isa.splat(direction.y), isa.splat(direction.z)];
+        let f = [
+            isa.sub(isa.splat(origin.x), isa.load(&self.center[0])),
+            isa.sub(isa.splat(origin.y), isa.load(&self.center[1])),
+            isa.sub(isa.splat(origin.z), isa.load(&self.center[2])),
+        ];
+        let a = dot(isa, d, d);
+        let b = isa.sub(zero, dot(isa, f, d));
         let along = isa.div(b, a);
-        let nearest = [0, 1, 2].map(|i| isa.add(f[i], isa.mul(d[i], along)));
+        let nearest = [
+            isa.add(f[0], isa.mul(d[0], along)),
+            isa.add(f[1], isa.mul(d[1], along)),
+            isa.add(f[2], isa.mul(d[2], along)),
+        ];
         let radius = isa.load(&self.radius);
         let squared = isa.mul(radius, radius);
-        let discriminant = isa.sub(squared, dot(nearest, nearest));
+        let discriminant = isa.sub(squared, dot(isa, nearest, nearest));
         let real = isa.le(zero, discriminant);
         if real == 0 {
             return None;
         }
         let root = isa.sqrt(isa.mul(a, isa.max(discriminant, zero)));
-        let c = isa.sub(dot(f, f), squared);
+        let c = isa.sub(dot(isa, f, f), squared);
         let q = isa.add(b, isa.select_lt(b, zero, isa.sub(zero, root), root));
         let (first, second) = (isa.div(c, q), isa.div(q, a));
         let near = isa.select_lt(first, second, first, second);
@@ -107,9 +111,19 @@ impl SphereBlock {
             return None;
         }
         let (near, far) = (isa.store(near), isa.store(far));
-        let t = std::array::from_fn(|i| if near_mask >> i & 1 == 1 { near.0[i] } else { far.0[i] });
-        Some(Candidates { mask, t: Lanes(t), u: Lanes::default(), v: Lanes::default() })
+        let mut t = far;
+        for lane in 0..BLOCK {
+            if near_mask >> lane & 1 == 1 {
+                t.0[lane] = near.0[lane];
+            }
+        }
+        Some(Candidates { mask, t, u: Lanes::default(), v: Lanes::default() })
     }
+}
+
+#[inline(always)]
+fn dot<I: Isa>(isa: I, a: [I::F32x8; 3], b: [I::F32x8; 3]) -> I::F32x8 {
+    isa.add(isa.add(isa.mul(a[0], b[0]), isa.mul(a[1], b[1])), isa.mul(a[2], b[2]))
 }
 
 /// The point on the sphere next to `p`, which a ray's distance gives only roughly.

@@ -91,7 +91,7 @@ impl<I: Isa> ShearedLanes<I> {
         let Sheared { axes, shear } = Sheared::new(direction);
         Self {
             axes,
-            origin: axes.map(|k| isa.splat(origin[k])),
+            origin: [isa.splat(origin[axes[0]]), isa.splat(origin[axes[1]]), isa.splat(origin[axes[2]])],
             shear: [isa.splat(shear.x), isa.splat(shear.y), isa.splat(shear.z)],
         }
     }
@@ -110,8 +110,26 @@ impl TriangleBlock {
 
     /// What [`TriangleBlock::set`] was told.
     #[inline(always)]
-    pub fn id(&self, lane: usize) -> u32 {
-        self.ids[lane & (BLOCK - 1)]
+    pub fn ids(&self) -> &[u32; BLOCK] {
+        &self.ids
+    }
+
+    /// A vertex of all triangles, from the ray's origin along one of the ray's axes.
+    #[inline(always)]
+    fn moved<I: Isa>(&self, isa: I, ray: &ShearedLanes<I>, vertex: usize, axis: usize) -> I::F32x8 {
+        debug_assert!(ray.axes[axis] < 3);
+        // SAFETY: `Sheared::new` makes axes a permutation of 0, 1, 2, and nothing else sets them.
+        let lanes = unsafe { self.vertices[vertex].get_unchecked(ray.axes[axis]) };
+        isa.sub(isa.load(lanes), ray.origin[axis])
+    }
+
+    /// A vertex of all triangles in the ray's space, but for the scale of z.
+    #[inline(always)]
+    fn sheared<I: Isa>(&self, isa: I, ray: &ShearedLanes<I>, vertex: usize) -> [I::F32x8; 3] {
+        let z = self.moved(isa, ray, vertex, 2);
+        let x = isa.sub(self.moved(isa, ray, vertex, 0), isa.mul(ray.shear[0], z));
+        let y = isa.sub(self.moved(isa, ray, vertex, 1), isa.mul(ray.shear[1], z));
+        [x, y, z]
     }
 
     /// The triangles that `ray` meets in (`t_min`, `t_max`].
@@ -123,21 +141,12 @@ impl TriangleBlock {
         t_min: I::F32x8,
         t_max: I::F32x8,
     ) -> Option<Candidates> {
-        let [a, b, c] = [0, 1, 2].map(|vertex| {
-            let p = [0, 1, 2].map(|i| {
-                let axis = ray.axes[i];
-                debug_assert!(axis < 3);
-                // SAFETY: `Sheared::new` makes axes a permutation of 0, 1, 2, and nothing else sets them.
-                let lanes = unsafe { self.vertices[vertex].get_unchecked(axis) };
-                isa.sub(isa.load(lanes), ray.origin[i])
-            });
-            let x = isa.sub(p[0], isa.mul(ray.shear[0], p[2]));
-            let y = isa.sub(p[1], isa.mul(ray.shear[1], p[2]));
-            (x, y, p[2])
-        });
-        let u = isa.sub(isa.mul(c.0, b.1), isa.mul(c.1, b.0));
-        let v = isa.sub(isa.mul(a.0, c.1), isa.mul(a.1, c.0));
-        let w = isa.sub(isa.mul(b.0, a.1), isa.mul(b.1, a.0));
+        let a = self.sheared(isa, ray, 0);
+        let b = self.sheared(isa, ray, 1);
+        let c = self.sheared(isa, ray, 2);
+        let u = isa.sub(isa.mul(c[0], b[1]), isa.mul(c[1], b[0]));
+        let v = isa.sub(isa.mul(a[0], c[1]), isa.mul(a[1], c[0]));
+        let w = isa.sub(isa.mul(b[0], a[1]), isa.mul(b[1], a[0]));
         let zero = isa.splat(0.0);
         let front = isa.le(zero, isa.min(u, isa.min(v, w)));
         let back = isa.le(isa.max(u, isa.max(v, w)), zero);
@@ -147,12 +156,15 @@ impl TriangleBlock {
         }
         // Normalised first, so that distances do not go by the cube of the scale and vanish.
         let reciprocal = isa.div(isa.splat(1.0), isa.add(isa.add(u, v), w));
-        let [u, v, w] = [u, v, w].map(|x| isa.mul(x, reciprocal));
-        let sum = isa.add(isa.add(isa.mul(u, a.2), isa.mul(v, b.2)), isa.mul(w, c.2));
+        let [u, v, w] = [isa.mul(u, reciprocal), isa.mul(v, reciprocal), isa.mul(w, reciprocal)];
+        let sum = isa.add(isa.add(isa.mul(u, a[2]), isa.mul(v, b[2])), isa.mul(w, c[2]));
         let t = isa.mul(sum, ray.shear[2]);
         // Seen edge-on, a triangle has an infinite reciprocal and t is infinite or NaN; t_max is finite.
         let mask = inside & isa.lt(t_min, t) & isa.le(t, t_max);
-        (mask != 0).then(|| Candidates { mask, t: isa.store(t), u: isa.store(v), v: isa.store(w) })
+        if mask == 0 {
+            return None;
+        }
+        Some(Candidates { mask, t: isa.store(t), u: isa.store(v), v: isa.store(w) })
     }
 }
 

@@ -64,3 +64,73 @@ fn around_z(z: f32, turn: f32) -> Vec3 {
     let (sin, cos) = (TAU * turn).sin_cos();
     Vec3::new(radius * cos, radius * sin, z)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::FRAC_1_PI;
+
+    use super::*;
+    use crate::testing::{Rng, Suite, chi_square, chi_square_directions};
+
+    #[test]
+    fn directions_follow_their_densities() {
+        let mut suite = Suite::new(6);
+        let mut judge = |name: &str, map: &dyn Fn(Vec2) -> Vec3, pdf: &dyn Fn(Vec3) -> f32| {
+            let p = chi_square_directions(1, 500_000, |rng: &mut Rng| Some(map(rng.next_2d())), pdf);
+            suite.judge(p, name);
+        };
+        let upper = |w: Vec3, pdf: f32| if w.z >= 0.0 { pdf } else { 0.0 };
+        judge("cosine", &cosine_hemisphere, &|w| w.z.max(0.0) * FRAC_1_PI);
+        judge("hemisphere", &uniform_hemisphere, &|w| upper(w, 0.5 * FRAC_1_PI));
+        judge("sphere", &uniform_sphere, &|_| 0.25 * FRAC_1_PI);
+        for one_minus_cos in [0.01, 0.4, 1.7] {
+            let pdf = |w: Vec3| {
+                if 1.0 - w.z <= one_minus_cos { 0.5 * FRAC_1_PI / one_minus_cos } else { 0.0 }
+            };
+            judge("cone", &|u| uniform_cone(u, one_minus_cos), &pdf);
+        }
+    }
+
+    /// A cone of a microradian: its directions stay apart where `1 - cos` alone could not tell them.
+    #[test]
+    fn narrow_cones_keep_their_digits() {
+        let one_minus_cos = 0.5e-12;
+        let w = uniform_cone(Vec2::new(0.25, 0.0), one_minus_cos);
+        assert!((w.x / 0.5e-6 - 1.0).abs() < 1e-5, "{w}");
+    }
+
+    #[test]
+    fn disk_and_triangle_are_uniform() {
+        let mut rng = Rng::new(2);
+        let mut suite = Suite::new(2);
+        let mut by_ring = vec![0u64; 20 * 16];
+        let mut by_cell = vec![0u64; 400];
+        for _ in 0..200_000 {
+            let d = disk(rng.next_2d());
+            let turn = (d.y.atan2(d.x) / TAU).rem_euclid(1.0);
+            by_ring[(d.length_squared() * 20.0) as usize * 16 + ((turn * 16.0) as usize).min(15)] += 1;
+            // The square root unfolds the triangle into a square: 1 - b0 = sqrt(u), b1 = v sqrt(u).
+            let b = triangle(rng.next_2d());
+            let s = 1.0 - b.x;
+            let (row, column) = (s * s * 20.0, b.y / s * 20.0);
+            by_cell[(row as usize).min(19) * 20 + (column as usize).min(19)] += 1;
+        }
+        suite.judge(chi_square(&by_ring, &[200_000.0 / 320.0; 320]), "disk");
+        suite.judge(chi_square(&by_cell, &[500.0; 400]), "triangle");
+    }
+
+    #[test]
+    fn corners_of_the_square_stay_inside() {
+        let last = 1.0 - f32::EPSILON / 2.0;
+        for u in [Vec2::ZERO, Vec2::splat(last), Vec2::new(0.0, last), Vec2::new(last, 0.0), Vec2::splat(0.5)]
+        {
+            assert!(disk(u).length() <= 1.0 + f32::EPSILON, "{u}");
+            let b = triangle(u);
+            assert!(b.min_element() >= 0.0 && b.x + b.y <= 1.0, "{u}");
+            for w in [cosine_hemisphere(u), uniform_hemisphere(u), uniform_sphere(u), uniform_cone(u, 2.0)] {
+                assert!((w.length() - 1.0).abs() < 4.0 * f32::EPSILON, "{u}: {w}");
+            }
+        }
+        assert!(uniform_hemisphere(Vec2::splat(last)).z > 0.0);
+    }
+}

@@ -64,6 +64,10 @@ impl Conductor {
             return None;
         }
         let pdf = ggx.g1(wo) * ggx.d(h) / (4.0 * wo.z);
+        // Underflows at directions within rounding of the horizon.
+        if pdf <= 0.0 {
+            return None;
+        }
         let weight = fresnel::conductor(cos.abs(), self.eta, self.k) * (ggx.g2(wo, wi) / ggx.g1(wo));
         Some(BsdfSample::reflection(wi * side, weight, pdf))
     }

@@ -110,6 +110,10 @@ impl Dielectric {
             };
             (choice * density * jacobian, ggx.g2(wo, wi) / g1)
         });
+        // Underflows at directions within rounding of the horizon.
+        if pdf <= 0.0 {
+            return None;
+        }
         let wi = wi.normalize() * side;
         Some(BsdfSample { wi, weight: color * shadowing, pdf, delta, transmission, eta })
     }

@@ -1,4 +1,16 @@
 //! The metallic-roughness model of glTF 2.0 (specification, appendix B) with KHR extensions.
+//!
+//! Departures from the appendix, all for energy: it mixes layers by the Fresnel term at the half vector, which
+//! reflects up to twice the light that arrives at grazing angles, and loses what scatters more than once.
+//! - The layer below the dielectric is scaled by what its reflection leaves over in both directions (Kelemen and
+//!   Szirmay-Kalos 2001, "A Microfacet Based Coupled Specular-Matte BRDF Model", section 2.2), the one below the
+//!   coat by the share that passes on the way in and on the way out.
+//! - Light that single scattering loses comes back as a separate lobe (Kulla and Conty 2017, "Revisiting
+//!   Physically Based Shading at Imageworks").
+//! - Masking and shadowing are height-correlated.
+//!
+//! The whole reflects at most what arrives, and is reciprocal unless the coat has a normal of its own (which breaks
+//! the symmetry of cosines as every shading normal does: Veach 1997, section 5.3).
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -6,11 +18,11 @@ use glam::{Vec2, Vec3};
 
 use super::{
     BsdfSample,
-    albedo_table::{self, SplitAlbedo},
+    albedo_table::{LobeAlbedo, SplitAlbedo},
     fresnel::schlick_weight,
     ggx::Ggx,
 };
-use crate::warp;
+use crate::{frame::Frame, warp};
 
 /// F0 of the clear coat: an index of 1.5, as KHR_materials_clearcoat says.
 const COAT_F0: f32 = 0.04;
@@ -24,11 +36,11 @@ pub struct MetalRoughParams {
     pub metallic: f32,
     /// Perceptual roughness, in 0..1.
     pub roughness: f32,
-    /// Index of refraction of the dielectric, at least 1.
+    /// Index of refraction of the dielectric: at least 1, or 0 for one that reflects everything.
     pub ior: f32,
     /// KHR_materials_specular: strength, in 0..1.
     pub specular: f32,
-    /// KHR_materials_specular: colour of F0.
+    /// KHR_materials_specular: colour of F0, at least 0.
     pub specular_color: Vec3,
     /// Share of the light entering the dielectric that passes a thin wall, in 0..1.
     pub transmission: f32,
@@ -36,6 +48,8 @@ pub struct MetalRoughParams {
     pub clearcoat: f32,
     /// Perceptual roughness of the clear coat, in 0..1.
     pub clearcoat_roughness: f32,
+    /// Normal of the clear coat, of unit length, in the frame of the base's normal.
+    pub clearcoat_normal: Vec3,
 }
 
 impl Default for MetalRoughParams {
@@ -51,6 +65,7 @@ impl Default for MetalRoughParams {
             transmission: 0.0,
             clearcoat: 0.0,
             clearcoat_roughness: 0.0,
+            clearcoat_normal: Vec3::Z,
         }
     }
 }
@@ -62,97 +77,131 @@ pub struct MetalRough {
     /// Fresnel terms of the specular lobe, dielectric and metal mixed.
     f0: Vec3,
     f90: Vec3,
-    /// Fresnel terms of the dielectric alone: what it reflects does not reach the layer below.
-    dielectric_f0: Vec3,
-    dielectric_f90: f32,
-    /// Albedo of the diffuse lobe, before the dielectric's reflection is taken off.
+    /// The dielectric alone: what it reflects does not reach the layer below.
+    dielectric: DielectricLayer,
+    /// Albedo of the diffuse lobe below the dielectric.
     diffuse: Vec3,
-    /// Colour of the transmitted lobe, likewise.
+    /// Share of what single scattering loses that leaves after further scattering.
+    recovered: Vec3,
+    /// Colour of the transmitted lobe.
     transmitted: Vec3,
     /// Specular lobe, `None` where perfectly smooth; also the width of the transmitted one.
     ggx: Option<Ggx>,
-    /// Strength of the coat.
-    coat: f32,
-    /// The coat's lobe, `None` where perfectly smooth.
-    coat_ggx: Option<Ggx>,
+    /// The albedo of the specular lobe for reflectance 1, by angle.
+    lobe_albedo: LobeAlbedo,
+    /// Cosine-weighted means over the hemisphere: what passes the dielectric, what single scattering loses.
+    mean_pass: f32,
+    mean_lost: f32,
+    /// The layer on top.
+    coat: Option<Coat>,
+}
+
+/// Reflection of the dielectric as one number, its largest channel, so that the layer below keeps its hue.
+#[derive(Clone, Copy, Debug)]
+struct DielectricLayer {
+    f0: Vec3,
+    f90: f32,
+    max_f0: f32,
+    recovered: f32,
+}
+
+/// A clear coat.
+#[derive(Clone, Copy, Debug)]
+struct Coat {
+    strength: f32,
+    /// Its lobe, `None` where perfectly smooth.
+    ggx: Option<Ggx>,
+    /// Its albedo for reflectance 1, by angle.
+    lobe_albedo: LobeAlbedo,
+    /// Its normal's frame in the frame of the base; `None` where they are the same.
+    frame: Option<Frame>,
 }
 
 /// What depends on `wo` alone.
 struct Outgoing {
-    /// Share of light the coat lets pass.
+    /// `wo`, turned to +z's side.
+    wo: Vec3,
+    /// Albedo of the specular lobe.
+    albedo: SplitAlbedo,
+    /// Share of light that passes the coat.
     below_coat: f32,
-    /// Probabilities of the lobes.
-    p_specular: f32,
-    p_diffuse: f32,
-    p_transmitted: f32,
-    p_coat: f32,
+    /// Probability of each lobe, in [`Lobe`]'s order.
+    p: [f32; 4],
 }
 
-fn alpha(ggx: Option<Ggx>) -> f32 {
-    ggx.map_or(0.0, |g| g.alpha)
+/// The parts that are sampled each by its own strategy.
+#[derive(Clone, Copy, PartialEq)]
+enum Lobe {
+    /// Diffuse and recovered light, by the cosine.
+    Cosine,
+    Specular,
+    Transmitted,
+    Coat,
 }
+
+const LOBES: [Lobe; 4] = [Lobe::Cosine, Lobe::Specular, Lobe::Transmitted, Lobe::Coat];
 
 impl MetalRough {
     /// From the parameters at a point.
     pub fn new(p: &MetalRoughParams) -> Self {
+        let ggx = Ggx::from_roughness(p.roughness);
+        let lobe_albedo = LobeAlbedo::new(ggx);
+        let mean = lobe_albedo.mean();
         let r = (p.ior - 1.0) / (p.ior + 1.0);
-        let dielectric_f0 = (r * r * p.specular_color).min(Vec3::ONE) * p.specular;
+        let dielectric =
+            DielectricLayer::new((r * r * p.specular_color).min(Vec3::ONE) * p.specular, p.specular, mean);
         let below = p.base_color * (1.0 - p.metallic);
+        let f0 = dielectric.f0.lerp(p.base_color, p.metallic);
+        let f90 = Vec3::splat(p.specular + (1.0 - p.specular) * p.metallic);
         Self {
-            f0: dielectric_f0.lerp(p.base_color, p.metallic),
-            f90: Vec3::splat(p.specular + (1.0 - p.specular) * p.metallic),
-            dielectric_f0,
-            dielectric_f90: p.specular,
+            f0,
+            f90,
+            dielectric,
             diffuse: below * (1.0 - p.transmission),
+            recovered: recovered(f0, f90, mean),
             transmitted: below * p.transmission,
-            ggx: Ggx::from_roughness(p.roughness),
-            coat: p.clearcoat,
-            coat_ggx: Ggx::from_roughness(p.clearcoat_roughness),
+            ggx,
+            lobe_albedo,
+            mean_pass: dielectric.pass(mean),
+            mean_lost: mean.lost(),
+            coat: Coat::new(p),
         }
     }
 
+    /// Whether all lobes are delta.
     pub(super) fn is_delta(&self) -> bool {
-        self.ggx.is_none() && self.diffuse == Vec3::ZERO && (self.coat == 0.0 || self.coat_ggx.is_none())
+        self.ggx.is_none() && self.diffuse == Vec3::ZERO && self.coat.is_none_or(|c| c.ggx.is_none())
     }
 
+    /// Whether the coat has a normal of its own.
+    #[cfg(test)]
+    pub(super) fn has_tilted_coat(&self) -> bool {
+        self.coat.is_some_and(|c| c.frame.is_some())
+    }
+
+    /// Reflectance under light from all sides, transmission included, without the coat.
     pub(super) fn albedo(&self) -> Vec3 {
-        (self.f0 + self.diffuse + self.transmitted).min(Vec3::ONE)
-    }
-
-    /// Share of light at cosine `cos` that passes the coat.
-    #[inline]
-    fn below_coat(&self, cos: f32) -> f32 {
-        if self.coat == 0.0 {
-            return 1.0;
-        }
-        let e = albedo_table::directional(cos, alpha(self.coat_ggx));
-        1.0 - self.coat * (COAT_F0 * e.a + e.b)
-    }
-
-    /// Albedo of the dielectric's reflection, largest channel: one number keeps the layer below its hue.
-    #[inline]
-    fn dielectric_albedo(&self, e: SplitAlbedo) -> f32 {
-        self.dielectric_f0.max_element() * e.a + self.dielectric_f90 * e.b
+        let mean = self.lobe_albedo.mean();
+        let specular = mean.with(self.f0, self.f90) + self.recovered * self.mean_lost;
+        specular + (self.diffuse + self.transmitted) * self.mean_pass
     }
 
     #[inline]
     fn outgoing(&self, wo: Vec3) -> Outgoing {
-        let e = albedo_table::directional(wo.z, alpha(self.ggx));
-        let below_coat = self.below_coat(wo.z);
-        let specular = below_coat * e.with(self.f0, self.f90).max_element();
-        let below = below_coat * (1.0 - self.dielectric_albedo(e));
-        let diffuse = below * self.diffuse.max_element();
-        let transmitted = below * self.transmitted.max_element();
-        let coat = 1.0 - below_coat;
-        let sum = specular + diffuse + transmitted + coat;
-        let norm = if sum > 0.0 { 1.0 / sum } else { 0.0 };
-        Outgoing {
-            below_coat,
-            p_specular: specular * norm,
-            p_diffuse: diffuse * norm,
-            p_transmitted: transmitted * norm,
-            p_coat: coat * norm,
-        }
+        let wo = wo * 1f32.copysign(wo.z);
+        let albedo = self.lobe_albedo.at(wo.z);
+        let below_coat = self.coat.map_or(1.0, |c| c.pass(wo));
+        let pass = self.dielectric.pass(albedo);
+        let cosine = self.diffuse * pass + self.recovered * albedo.lost();
+        let specular = albedo.with(self.f0, self.f90);
+        let weights = [
+            below_coat * cosine.max_element(),
+            below_coat * specular.max_element(),
+            below_coat * pass * self.transmitted.max_element(),
+            1.0 - below_coat,
+        ];
+        let sum: f32 = weights.iter().sum();
+        Outgoing { wo, albedo, below_coat, p: weights.map(|w| w / sum.max(f32::MIN_POSITIVE)) }
     }
 
     #[inline]
@@ -160,42 +209,37 @@ impl MetalRough {
         if wo.z == 0.0 || wi.z == 0.0 {
             return (Vec3::ZERO, 0.0);
         }
-        self.eval_pdf_with(&self.outgoing(wo), wo, wi)
+        self.eval_pdf_with(&self.outgoing(wo), wi * 1f32.copysign(wo.z))
     }
 
-    fn eval_pdf_with(&self, out: &Outgoing, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
-        let side = 1f32.copysign(wo.z);
-        let (wo, wi) = (wo * side, wi * side);
-        let through_coat = out.below_coat * self.below_coat(wi.z);
+    /// Value and density for `wi` turned the way `out.wo` is.
+    #[inline]
+    fn eval_pdf_with(&self, out: &Outgoing, wi: Vec3) -> (Vec3, f32) {
+        let [p_cosine, p_specular, p_transmitted, p_coat] = out.p;
+        let wo = out.wo;
+        let through_coat = out.below_coat * self.coat.map_or(1.0, |c| c.pass(wi));
         if wi.z < 0.0 {
             // A thin wall: the reflected lobe, mirrored.
             let Some(ggx) = self.ggx else { return (Vec3::ZERO, 0.0) };
-            let wi = Vec3::new(wi.x, wi.y, -wi.z);
-            let (schlick, f, pdf) = reflect_lobe(ggx, wo, wi);
-            let fresnel = self.dielectric_f0.lerp(Vec3::splat(self.dielectric_f90), schlick);
-            let value = self.transmitted * (Vec3::ONE - fresnel) * (f * through_coat);
-            return (value, out.p_transmitted * pdf);
+            let (schlick, f, pdf) = reflect_lobe(ggx, wo, mirror(wi));
+            return (self.transmittance(schlick) * (f * through_coat), p_transmitted * pdf);
         }
-        let alpha = alpha(self.ggx);
-        let pass = |cos| 1.0 - self.dielectric_albedo(albedo_table::directional(cos, alpha));
-        let pass_mean = 1.0 - self.dielectric_albedo(albedo_table::mean(alpha));
+        let albedo = self.lobe_albedo.at(wi.z);
         let cosine = wi.z * FRAC_1_PI;
-        let mut value = if pass_mean > 0.0 && self.diffuse != Vec3::ZERO {
-            self.diffuse * (cosine * pass(wo.z) * pass(wi.z) / pass_mean)
-        } else {
-            Vec3::ZERO
-        };
-        let mut pdf = out.p_diffuse * cosine;
+        let mut value = self.diffuse
+            * two_way(self.dielectric.pass(out.albedo), self.dielectric.pass(albedo), self.mean_pass);
+        value += self.recovered * two_way(out.albedo.lost(), albedo.lost(), self.mean_lost);
+        value *= cosine;
+        let mut pdf = p_cosine * cosine;
         if let Some(ggx) = self.ggx {
             let (schlick, f, lobe_pdf) = reflect_lobe(ggx, wo, wi);
             value += self.f0.lerp(self.f90, schlick) * f;
-            pdf += out.p_specular * lobe_pdf;
+            pdf += p_specular * lobe_pdf;
         }
         value *= through_coat;
-        if let (true, Some(ggx)) = (self.coat > 0.0, self.coat_ggx) {
-            let (schlick, f, lobe_pdf) = reflect_lobe(ggx, wo, wi);
-            value += self.coat * (COAT_F0 + (1.0 - COAT_F0) * schlick) * f;
-            pdf += out.p_coat * lobe_pdf;
+        if let Some((f, lobe_pdf)) = self.coat.and_then(|c| c.eval_pdf(wo, wi)) {
+            value += f;
+            pdf += p_coat * lobe_pdf;
         }
         (value, pdf)
     }
@@ -205,67 +249,182 @@ impl MetalRough {
         if wo.z == 0.0 {
             return None;
         }
-        let out = self.outgoing(wo);
         let side = 1f32.copysign(wo.z);
-        let wo_up = wo * side;
-        let mirrored = Vec3::new(-wo_up.x, -wo_up.y, wo_up.z);
-        let schlick = schlick_weight(wo_up.z);
-        let through_coat = out.below_coat * out.below_coat;
-        let mut u_lobe = u_lobe;
-        let mut chosen = |p: f32| {
-            u_lobe -= p;
-            p > 0.0 && u_lobe < 0.0
-        };
-        let delta = |wi: Vec3, value: Vec3, pdf: f32, transmission: bool| {
-            Some(BsdfSample { wi: wi * side, weight: value / pdf, pdf, delta: true, transmission, eta: 1.0 })
-        };
-        let wi = if chosen(out.p_diffuse) {
-            warp::cosine_hemisphere(u)
-        } else if chosen(out.p_specular) {
-            match self.ggx {
-                Some(ggx) => reflect(wo_up, ggx.sample_visible(wo_up, u)),
-                None => {
-                    let value = self.f0.lerp(self.f90, schlick) * through_coat;
-                    return delta(mirrored, value, out.p_specular, false);
+        let out = self.outgoing(wo);
+        let (lobe, p) = out.pick(u_lobe)?;
+        let up = out.wo;
+        let wi = match (lobe, self.ggx, self.coat) {
+            (Lobe::Cosine, ..) => warp::cosine_hemisphere(u),
+            (Lobe::Specular, Some(ggx), _) => reflect(up, ggx.sample_visible(up, u)),
+            (Lobe::Transmitted, Some(ggx), _) => {
+                let wi = reflect(up, ggx.sample_visible(up, u));
+                // Lost below the horizon before it is mirrored, not after.
+                if wi.z <= 0.0 {
+                    return None;
                 }
+                mirror(wi)
             }
-        } else if chosen(out.p_coat) {
-            match self.coat_ggx {
-                Some(ggx) => reflect(wo_up, ggx.sample_visible(wo_up, u)),
-                None => {
-                    let value = self.coat * (COAT_F0 + (1.0 - COAT_F0) * schlick);
-                    return delta(mirrored, Vec3::splat(value), out.p_coat, false);
-                }
-            }
-        } else if out.p_transmitted > 0.0 {
-            match self.ggx {
-                Some(ggx) => {
-                    let wi = reflect(wo_up, ggx.sample_visible(wo_up, u));
-                    // Lost below the horizon before it is mirrored, not after.
-                    if wi.z <= 0.0 {
-                        return None;
-                    }
-                    let wi = Vec3::new(wi.x, wi.y, -wi.z) * side;
-                    let (value, pdf) = self.eval_pdf_with(&out, wo, wi);
-                    let sample = BsdfSample::reflection(wi, value / pdf, pdf);
-                    return (pdf > 0.0).then_some(BsdfSample { transmission: true, ..sample });
-                }
-                None => {
-                    let fresnel = self.dielectric_f0.lerp(Vec3::splat(self.dielectric_f90), schlick);
-                    let value = self.transmitted * (Vec3::ONE - fresnel) * through_coat;
-                    return delta(-wo_up, value, out.p_transmitted, true);
-                }
-            }
-        } else {
-            return None;
+            (Lobe::Coat, _, Some(coat @ Coat { ggx: Some(ggx), .. })) => coat.sample(ggx, up, u)?,
+            _ => return self.sample_delta(&out, lobe, p, side),
         };
-        if wi.z <= 0.0 {
+        let transmission = lobe == Lobe::Transmitted;
+        if wi.z == 0.0 || (wi.z < 0.0) != transmission {
             return None;
         }
-        let wi = wi * side;
-        let (value, pdf) = self.eval_pdf_with(&out, wo, wi);
-        (pdf > 0.0).then(|| BsdfSample::reflection(wi, value / pdf, pdf))
+        let (value, pdf) = self.eval_pdf_with(&out, wi);
+        let sample =
+            BsdfSample { wi: wi * side, weight: value / pdf, pdf, delta: false, transmission, eta: 1.0 };
+        (pdf > 0.0).then_some(sample)
     }
+
+    /// The direction of a perfectly smooth `lobe`, chosen with probability `p`.
+    fn sample_delta(&self, out: &Outgoing, lobe: Lobe, p: f32, side: f32) -> Option<BsdfSample> {
+        let schlick = schlick_weight(out.wo.z);
+        let reflected = mirror(-out.wo);
+        let (wi, value) = match (lobe, self.coat) {
+            (Lobe::Specular, _) => (reflected, self.f0.lerp(self.f90, schlick)),
+            (Lobe::Transmitted, _) => (-out.wo, self.transmittance(schlick)),
+            (_, Some(coat)) => (coat.mirrored(out.wo)?, Vec3::splat(coat.reflectance(out.wo))),
+            (_, None) => return None,
+        };
+        // A coat's own light does not pass it, all other does, twice.
+        let through_coat = match (lobe, self.coat) {
+            (Lobe::Specular | Lobe::Transmitted, Some(coat)) => out.below_coat * coat.pass(wi),
+            _ => 1.0,
+        };
+        let transmission = lobe == Lobe::Transmitted;
+        if wi.z == 0.0 || (wi.z < 0.0) != transmission {
+            return None;
+        }
+        let weight = value * (through_coat / p);
+        Some(BsdfSample { wi: wi * side, weight, pdf: p, delta: true, transmission, eta: 1.0 })
+    }
+
+    /// Share of light that passes a thin wall at a half vector with the given Schlick weight.
+    #[inline]
+    fn transmittance(&self, schlick: f32) -> Vec3 {
+        self.transmitted * (Vec3::ONE - self.dielectric.f0.lerp(Vec3::splat(self.dielectric.f90), schlick))
+    }
+}
+
+impl DielectricLayer {
+    fn new(f0: Vec3, f90: f32, mean: SplitAlbedo) -> Self {
+        let max_f0 = f0.max_element();
+        Self { f0, f90, max_f0, recovered: recovered(Vec3::splat(max_f0), Vec3::splat(f90), mean).x }
+    }
+
+    /// Share of light that reaches the layer below.
+    #[inline]
+    fn pass(&self, e: SplitAlbedo) -> f32 {
+        e.left(self.max_f0, self.f90, self.recovered)
+    }
+}
+
+impl Coat {
+    fn new(p: &MetalRoughParams) -> Option<Self> {
+        if p.clearcoat <= 0.0 {
+            return None;
+        }
+        let frame = (p.clearcoat_normal != Vec3::Z).then(|| Frame::from_normal(p.clearcoat_normal));
+        let ggx = Ggx::from_roughness(p.clearcoat_roughness);
+        Some(Self { strength: p.clearcoat, ggx, lobe_albedo: LobeAlbedo::new(ggx), frame })
+    }
+
+    /// A direction in the coat's own frame.
+    #[inline]
+    fn local(&self, w: Vec3) -> Vec3 {
+        self.frame.map_or(w, |f| f.to_local(w))
+    }
+
+    /// A direction of the coat's frame in the base's.
+    #[inline]
+    fn to_base(self, w: Vec3) -> Vec3 {
+        self.frame.map_or(w, |f| f.to_world(w))
+    }
+
+    /// Share of light in direction `w` that passes to the base.
+    #[inline]
+    fn pass(&self, w: Vec3) -> f32 {
+        let cos = self.local(w).z;
+        // Behind its own horizon the coat reflects nothing.
+        if cos * w.z <= 0.0 {
+            return 1.0;
+        }
+        let e = self.lobe_albedo.at(cos);
+        let below = e.left(COAT_F0, 1.0, 0.0);
+        1.0 - self.strength * (1.0 - below)
+    }
+
+    /// Reflectance of a perfectly smooth coat.
+    #[inline]
+    fn reflectance(&self, wo: Vec3) -> f32 {
+        self.strength * (COAT_F0 + (1.0 - COAT_F0) * schlick_weight(self.local(wo).z.abs()))
+    }
+
+    /// Value and density of its lobe; `None` where it has none to offer.
+    #[inline]
+    fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> Option<(f32, f32)> {
+        let ggx = self.ggx?;
+        let (local_o, local_i) = (self.local(wo), self.local(wi));
+        if local_o.z <= 0.0 || local_i.z <= 0.0 {
+            return None;
+        }
+        let (schlick, f, pdf) = reflect_lobe(ggx, local_o, local_i);
+        Some((self.strength * (COAT_F0 + (1.0 - COAT_F0) * schlick) * f, pdf))
+    }
+
+    #[inline]
+    fn sample(self, ggx: Ggx, wo: Vec3, u: Vec2) -> Option<Vec3> {
+        let wo = self.local(wo);
+        let wi = reflect(wo, ggx.sample_visible(wo, u));
+        (wo.z > 0.0 && wi.z > 0.0).then(|| self.to_base(wi))
+    }
+
+    /// `wo` mirrored by a perfectly smooth coat.
+    fn mirrored(self, wo: Vec3) -> Option<Vec3> {
+        let local = self.local(wo);
+        (local.z > 0.0).then(|| self.to_base(mirror(-local)))
+    }
+}
+
+impl Outgoing {
+    /// A lobe and its probability.
+    #[inline]
+    fn pick(&self, mut u: f32) -> Option<(Lobe, f32)> {
+        let mut last = None;
+        for (lobe, p) in LOBES.into_iter().zip(self.p) {
+            if p > 0.0 {
+                last = Some((lobe, p));
+                if u < p {
+                    break;
+                }
+                u -= p;
+            }
+        }
+        last
+    }
+}
+
+/// Share of the light lost by single scattering that leaves in the end, for Fresnel terms `f0` and `f90` (Kulla
+/// and Conty 2017, with the power series of Hill's "A Multi-Faceted Exploration", part 3).
+fn recovered(f0: Vec3, f90: Vec3, mean: SplitAlbedo) -> Vec3 {
+    // Cosine-weighted mean of Schlick's approximation.
+    let f = f0 + (f90 - f0) / 21.0;
+    let kept = 1.0 - mean.lost();
+    f * f * kept / (Vec3::ONE - f * mean.lost())
+}
+
+/// A diffuse lobe's factor that reflects `out` of the light in direction `wo` and is reciprocal, given the
+/// factors of both directions and their mean.
+#[inline]
+fn two_way(out: f32, incoming: f32, mean: f32) -> f32 {
+    if mean > 0.0 { out * incoming / mean } else { 0.0 }
+}
+
+/// `w` on the other side of the surface.
+#[inline]
+fn mirror(w: Vec3) -> Vec3 {
+    Vec3::new(w.x, w.y, -w.z)
 }
 
 /// `wo` mirrored at `h`.

@@ -2,10 +2,14 @@
 
 use std::f32::consts::PI;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
-use super::{Bsdf, Conductor, Dielectric, Diffuse, MetalRough, MetalRoughParams};
-use crate::testing::{Mean, Rng, Suite, chi_square_directions};
+use super::{
+    Bsdf, Conductor, Dielectric, Diffuse, MetalRough, MetalRoughParams,
+    albedo_table::{LobeAlbedo, MAX_ERROR},
+    ggx::Ggx,
+};
+use crate::testing::{Mean, Rng, Suite, chi_square_directions, direction};
 
 fn metal_rough(p: MetalRoughParams) -> Bsdf {
     Bsdf::MetalRough(MetalRough::new(&p))
@@ -18,18 +22,24 @@ fn glass(ior: f32, roughness: f32) -> Bsdf {
     Bsdf::Dielectric(Dielectric::new(ior, roughness, Vec3::ONE))
 }
 
-/// One of each kind that has a density, over the range of widths.
-fn rough_bsdfs() -> Vec<(String, Bsdf)> {
+/// Those of one lobe that have a density, over the range of widths from `least_roughness`.
+fn plain_bsdfs(least_roughness: f32) -> Vec<(String, Bsdf)> {
     let mut all = vec![("diffuse".to_owned(), Bsdf::Diffuse(Diffuse { reflectance: Vec3::ONE }))];
-    for roughness in [0.04, 0.15, 0.5, 1.0] {
+    for roughness in [0.04, 0.15, 0.5, 1.0].into_iter().filter(|&r| r >= least_roughness) {
         let conductor = Bsdf::Conductor(Conductor::new(GOLD.0, GOLD.1, roughness));
         all.push((format!("conductor, roughness {roughness}"), conductor));
         for ior in [1.5, 1.0 / 1.33] {
             all.push((format!("glass {ior}, roughness {roughness}"), glass(ior, roughness)));
         }
     }
+    all
+}
+
+/// Metal-rough surfaces of each kind that has only densities.
+fn layered_bsdfs() -> Vec<(String, Bsdf)> {
     let base = MetalRoughParams { base_color: Vec3::new(0.9, 0.5, 0.2), ..Default::default() };
     let plastic = MetalRoughParams { metallic: 0.0, roughness: 0.3, ..base };
+    let tilt = Vec3::new(0.2, -0.1, 1.0).normalize();
     let named = [
         ("metal", MetalRoughParams { roughness: 0.4, ..base }),
         ("rough metal", base),
@@ -37,9 +47,16 @@ fn rough_bsdfs() -> Vec<(String, Bsdf)> {
         ("half metal", MetalRoughParams { metallic: 0.5, ..plastic }),
         ("thin wall", MetalRoughParams { transmission: 0.7, ..plastic }),
         ("coated", MetalRoughParams { clearcoat: 1.0, clearcoat_roughness: 0.2, ..plastic }),
+        (
+            "tilted coat",
+            MetalRoughParams { clearcoat: 0.5, clearcoat_roughness: 0.3, clearcoat_normal: tilt, ..plastic },
+        ),
     ];
-    all.extend(named.map(|(name, p)| (name.to_owned(), metal_rough(p))));
-    all
+    named.map(|(name, p)| (name.to_owned(), metal_rough(p))).to_vec()
+}
+
+fn all_rough(least_roughness: f32) -> Vec<(String, Bsdf)> {
+    [plain_bsdfs(least_roughness), layered_bsdfs()].concat()
 }
 
 /// Those with delta parts.
@@ -65,9 +82,7 @@ fn outgoing() -> Vec<Vec3> {
         .to_vec()
 }
 
-#[test]
-fn samples_follow_the_density() {
-    let bsdfs = rough_bsdfs();
+fn judge_densities(bsdfs: &[(String, Bsdf)]) {
     let mut suite = Suite::new(bsdfs.len() * outgoing().len());
     for (i, (name, bsdf)) in bsdfs.iter().enumerate() {
         for (j, wo) in outgoing().into_iter().enumerate() {
@@ -77,12 +92,241 @@ fn samples_follow_the_density() {
                 Some(s.wi)
             };
             let seed = (i * 100 + j) as u64;
-            let start = std::time::Instant::now();
             let p = chi_square_directions(seed, 300_000, sample, |wi| bsdf.pdf(wo, wi));
-            if std::env::var("T").is_ok() {
-                println!("{name} {wo} p {p} {:?}", start.elapsed());
-            }
             suite.judge(p, format!("{name}, wo = {wo}"));
         }
+    }
+}
+
+/// Two tests, so that they run side by side.
+#[test]
+fn samples_follow_the_density_of_plain_bsdfs() {
+    judge_densities(&plain_bsdfs(0.0));
+}
+
+#[test]
+fn samples_follow_the_density_of_metal_rough() {
+    judge_densities(&layered_bsdfs());
+}
+
+/// A random metal-rough surface of any kind, white where `white`.
+fn random_metal_rough(rng: &mut Rng, white: bool, least_roughness: f32) -> MetalRoughParams {
+    let mut often_plain = |plain: f32| if rng.next_1d() < 0.3 { plain } else { rng.next_1d() };
+    let [metallic, specular, transmission, clearcoat] = [0.0, 1.0, 0.0, 0.0].map(&mut often_plain);
+    let [roughness, clearcoat_roughness] = [0.0, 0.0].map(|r| often_plain(r).max(least_roughness));
+    let tilt = Vec3::new(rng.next_1d() - 0.5, rng.next_1d() - 0.5, 1.0).normalize();
+    let mut color = || Vec3::new(rng.next_1d(), rng.next_1d(), rng.next_1d());
+    MetalRoughParams {
+        base_color: if white { Vec3::ONE } else { color() },
+        metallic,
+        roughness,
+        ior: 1.0 + 2.0 * color().x,
+        specular,
+        specular_color: if white { Vec3::ONE } else { 2.0 * color() },
+        transmission,
+        clearcoat,
+        clearcoat_roughness,
+        clearcoat_normal: if color().x < 0.5 { Vec3::Z } else { tilt },
+    }
+}
+
+/// Any BSDF, white where `white`, no lobe narrower than `least_roughness` makes it.
+fn random_bsdf(rng: &mut Rng, white: bool, least_roughness: f32) -> Bsdf {
+    let color = if white { Vec3::ONE } else { Vec3::new(rng.next_1d(), rng.next_1d(), rng.next_1d()) };
+    let roughness = (1.2 * rng.next_1d() - 0.2).max(least_roughness);
+    match rng.next_u64() % 5 {
+        0 => Bsdf::Diffuse(Diffuse { reflectance: color }),
+        1 => Bsdf::Conductor(Conductor::new(0.1 + 2.0 * color, 4.0 * color, roughness)),
+        2 => Bsdf::Dielectric(Dielectric::new(0.5 + 2.0 * rng.next_1d(), roughness, color)),
+        _ => metal_rough(random_metal_rough(rng, white, least_roughness)),
+    }
+}
+
+/// What comes out under light of radiance 1 from all sides, the compression of radiance by `eta^2` undone.
+fn white_furnace(bsdf: &Bsdf, wo: Vec3, rng: &mut Rng, samples: usize) -> Mean {
+    Mean::of(samples, || {
+        let sample = bsdf.sample(wo, rng.next_1d(), rng.next_2d());
+        sample.map_or(0.0, |s| f64::from(s.weight.max_element() * s.eta * s.eta))
+    })
+}
+
+#[test]
+fn no_light_is_gained() {
+    let mut rng = Rng::new(11);
+    let cases = 400;
+    let mut suite = Suite::new(cases);
+    for _ in 0..cases {
+        let bsdf = random_bsdf(&mut rng, true, 0.0);
+        let wo = direction(f64::from(rng.next_1d()).sqrt() * 1.57, f64::from(rng.next_1d()) * 6.0);
+        let wo = if rng.next_1d() < 0.5 { -wo } else { wo };
+        let mean = white_furnace(&bsdf, wo, &mut rng, 20_000);
+        suite.judge(mean.p_at_most(1.0), format!("{bsdf:?}, wo = {wo}, mean {}", mean.mean()));
+    }
+}
+
+#[test]
+fn no_light_is_lost_where_nothing_absorbs() {
+    let mut rng = Rng::new(12);
+    let white_mirror = MetalRoughParams { roughness: 0.0, ..Default::default() };
+    let cases = [
+        ("diffuse", Bsdf::Diffuse(Diffuse { reflectance: Vec3::ONE })),
+        ("smooth glass", glass(1.5, 0.0)),
+        ("mirror", metal_rough(white_mirror)),
+        ("white below smooth", metal_rough(MetalRoughParams { metallic: 0.0, ..white_mirror })),
+        ("thin wall", metal_rough(MetalRoughParams { metallic: 0.0, transmission: 1.0, ..white_mirror })),
+    ];
+    let mut suite = Suite::new(cases.len() * outgoing().len());
+    for (name, bsdf) in cases {
+        for wo in outgoing() {
+            let mean = white_furnace(&bsdf, wo, &mut rng, 100_000);
+            suite.judge(mean.p_equals(1.0), format!("{name}, wo = {wo}, mean {}", mean.mean()));
+        }
+    }
+}
+
+/// The lobe of Kulla and Conty brings back all that single scattering loses, except for the rounding of the table:
+/// `lost(wo) * mean(lost(wi)) / mean_lost`, where each rounded factor is short by twice the table's error at most.
+#[test]
+fn rough_white_metal_keeps_what_the_table_knows() {
+    let mut rng = Rng::new(13);
+    let mut suite = Suite::new(2 * 3 * outgoing().len());
+    for roughness in [0.3, 0.6, 1.0] {
+        let metal = metal_rough(MetalRoughParams { roughness, ..Default::default() });
+        let lobe = LobeAlbedo::new(Ggx::from_roughness(roughness));
+        for wo in outgoing() {
+            let mean = white_furnace(&metal, wo, &mut rng, 100_000);
+            let short = f64::from(2.0 * MAX_ERROR * (1.0 + lobe.at(wo.z).lost() / lobe.mean().lost()));
+            suite.judge(mean.p_at_most(1.0), format!("{roughness}, {wo}: {}", mean.mean()));
+            suite.judge(mean.p_at_least(1.0 - short), format!("{roughness}, {wo}: {}", mean.mean()));
+        }
+    }
+}
+
+/// Sampling with weights and plain integration of `eval` over the sphere agree.
+#[test]
+fn weights_integrate_what_eval_says() {
+    let mut rng = Rng::new(14);
+    // Uniform directions hardly ever find narrow lobes.
+    let wide = all_rough(0.3);
+    let mut suite = Suite::new(wide.len() * outgoing().len());
+    for (name, bsdf) in wide {
+        for wo in outgoing() {
+            let sampled = Mean::of(100_000, || {
+                let sample = bsdf.sample(wo, rng.next_1d(), rng.next_2d());
+                sample.map_or(0.0, |s| f64::from(s.weight.y))
+            });
+            let integrated =
+                Mean::of(100_000, || f64::from(4.0 * PI * bsdf.eval(wo, rng.next_direction()).y));
+            let p = sampled.p_same(&integrated);
+            suite.judge(p, format!("{name}, wo = {wo}: {} and {}", sampled.mean(), integrated.mean()));
+        }
+    }
+}
+
+/// Relative rounding of values and densities: a lobe of width alpha magnifies the rounding of directions by
+/// `1 / alpha`, and a handful of operations add theirs.
+fn rounding(roughness: f32) -> f32 {
+    64.0 * f32::EPSILON / (roughness * roughness)
+}
+
+#[test]
+fn sample_eval_and_pdf_agree() {
+    let mut rng = Rng::new(15);
+    for (name, bsdf) in all_rough(0.15) {
+        for _ in 0..2000 {
+            let wo = rng.next_direction();
+            let Some(s) = bsdf.sample(wo, rng.next_1d(), rng.next_2d()) else { continue };
+            assert_eq!(s.transmission, wo.z * s.wi.z < 0.0, "{name}");
+            // Where either direction grazes, cosines of a few roundings say nothing.
+            if wo.z.abs() < 0.05 || s.wi.z.abs() < 0.05 {
+                continue;
+            }
+            let (value, pdf) = bsdf.eval_pdf(wo, s.wi);
+            let tolerance = rounding(0.15);
+            assert!(
+                (pdf / s.pdf - 1.0).abs() < tolerance,
+                "{name}, {wo} -> {}: pdf {pdf}, sampled {}",
+                s.wi,
+                s.pdf
+            );
+            let difference = (value / pdf - s.weight).abs().max_element();
+            assert!(
+                difference < tolerance * s.weight.max_element(),
+                "{name}: {value} / {pdf}, sampled {}",
+                s.weight
+            );
+        }
+    }
+}
+
+/// `f(wo, wi) = f(wi, wo)`, and for refraction `eta_i^2` times as much (Veach 1997, section 5.2).
+#[test]
+fn bsdfs_are_reciprocal() {
+    let mut rng = Rng::new(16);
+    for _ in 0..20_000 {
+        let bsdf = match random_bsdf(&mut rng, false, 0.15) {
+            // A coat measures cosines by its own normal: as shading normals do, that breaks the symmetry.
+            Bsdf::MetalRough(b) if b.has_tilted_coat() => continue,
+            bsdf => bsdf,
+        };
+        let wo = rng.next_direction();
+        let Some(s) = bsdf.sample(wo, rng.next_1d(), rng.next_2d()) else { continue };
+        if s.delta || wo.z.abs() < 0.05 || s.wi.z.abs() < 0.05 {
+            continue;
+        }
+        let forth = bsdf.eval(wo, s.wi) / s.wi.z.abs() * s.eta * s.eta;
+        let back = bsdf.eval(s.wi, wo) / wo.z.abs();
+        let tolerance = rounding(0.15) * forth.max_element();
+        assert!(
+            (forth - back).abs().max_element() <= tolerance,
+            "{bsdf:?}: {wo} and {}: {forth}, {back}",
+            s.wi
+        );
+    }
+}
+
+#[test]
+fn nothing_is_ever_non_finite_or_negative() {
+    let mut rng = Rng::new(17);
+    let edge_cases = [0.0f32, -0.0, 1e-30, 1e-7, -1e-7, 1e-3, 1.0, -1.0];
+    let wild = |rng: &mut Rng| match rng.next_u64() as usize % 16 {
+        i if i < 8 => {
+            let z = edge_cases[i];
+            let r = (1.0 - z * z).max(0.0).sqrt();
+            if rng.next_1d() < 0.5 { Vec3::new(r, 0.0, z) } else { Vec3::new(-0.6 * r, 0.8 * r, z) }
+        }
+        _ => rng.next_direction(),
+    };
+    let sound = |v: Vec3, pdf: f32| v.is_finite() && v.min_element() >= 0.0 && pdf.is_finite() && pdf >= 0.0;
+    for _ in 0..200_000 {
+        let bsdf = random_bsdf(&mut rng, false, 0.0);
+        let (wo, wi) = (wild(&mut rng), wild(&mut rng));
+        let (value, pdf) = bsdf.eval_pdf(wo, wi);
+        assert!(sound(value, pdf), "{bsdf:?}: {wo} -> {wi}: {value}, {pdf}");
+        let almost_one = 1.0 - f32::EPSILON / 2.0;
+        let u = [0.0, almost_one, rng.next_1d(), rng.next_1d()][rng.next_u64() as usize % 4];
+        let v = [0.0, almost_one, rng.next_1d(), rng.next_1d()][rng.next_u64() as usize % 4];
+        if let Some(s) = bsdf.sample(wo, rng.next_1d(), glam::Vec2::new(u, v)) {
+            assert!(sound(s.weight, s.pdf) && s.pdf > 0.0, "{bsdf:?}: {wo}, {u}, {v}: {s:?}");
+            assert!((s.wi.length() - 1.0).abs() < 1e-5, "{bsdf:?}: {wo}: {s:?}");
+        }
+    }
+}
+
+#[test]
+fn delta_parts_are_flagged_and_have_no_density() {
+    let mut rng = Rng::new(18);
+    for (name, bsdf) in smooth_bsdfs() {
+        let mut found = false;
+        for _ in 0..1000 {
+            let wo = rng.next_direction();
+            let Some(s) = bsdf.sample(wo, rng.next_1d(), rng.next_2d()) else { continue };
+            found |= s.delta;
+            assert!(s.delta || !bsdf.is_delta(), "{name}");
+            if bsdf.is_delta() {
+                assert_eq!(bsdf.eval_pdf(wo, s.wi), (Vec3::ZERO, 0.0), "{name}");
+            }
+        }
+        assert!(found, "{name}");
     }
 }

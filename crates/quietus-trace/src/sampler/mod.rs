@@ -77,3 +77,6 @@ impl Sampler {
         mix64(self.key.wrapping_add(u64::from(self.dimension).wrapping_mul(GOLDEN)))
     }
 }
+
+#[cfg(test)]
+mod tests;

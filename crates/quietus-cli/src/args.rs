@@ -66,7 +66,7 @@ pub(crate) struct RenderArgs {
 
     /// Region error to stop at, in the library's units: smaller is cleaner and slower.
     /// [default: 0.0002; not with uniform]
-    #[arg(long, value_name = "E", value_parser = parse_error)]
+    #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = parse_error)]
     pub target_error: Option<f64>,
 
     /// The same number of samples for every pixel (implies --sampling uniform).

@@ -15,6 +15,7 @@ pub(crate) fn watch() -> Result<Arc<AtomicBool>, Failure> {
     let handler = move || {
         // Relaxed: the flag guards no data.
         if flag.swap(true, Ordering::Relaxed) {
+            quietus_film::remove_unfinished();
             std::process::exit(Ending::Interrupted.code().into());
         }
         eprintln!("\nstopping; the picture so far will be written (Ctrl-C again quits at once)");

@@ -19,7 +19,7 @@ pub use buffer::{TileBuffer, VisitSummary};
 pub use exr_file::{ExrChannel, ExrInfo, ExrLayer, Metadata, read_exr, read_exr_info, write_exr};
 pub use film::{Aovs, Film, Replicate, TileCopy};
 pub use layout::{Layout, LayoutError, TILE, TILE_PIXELS, Window};
-pub use output::{OutputError, OutputFormat, check_writable, write_atomically};
+pub use output::{OutputError, OutputFormat, check_writable, remove_unfinished, write_atomically};
 pub use picture::Picture;
 pub use png_file::{srgb8, write_png};
 pub use rejected::{RejectedSample, RejectedSamples};

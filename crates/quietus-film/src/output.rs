@@ -3,6 +3,7 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// A picture file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,18 +64,32 @@ pub enum OutputError {
     },
 }
 
+/// Temporary files that exist now, for [`remove_unfinished`].
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
+    // A list of paths is whole at any time.
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// A file beside its destination, removed unless it was renamed to it.
 struct Temporary {
     path: PathBuf,
-    keep: bool,
 }
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        if !self.keep {
-            // Nothing sensible is left to do when even this fails.
-            let _ = fs::remove_file(&self.path);
-        }
+        unfinished().retain(|path| *path != self.path);
+        // Renamed, it is not there any more; else nothing sensible is left to do when even this fails.
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+/// Removes the temporary files of all writes under way, for a program that is about to exit in the middle of them.
+pub fn remove_unfinished() {
+    for path in unfinished().iter() {
+        // The program exits: there is nobody to tell.
+        let _ = fs::remove_file(path);
     }
 }
 
@@ -96,7 +111,10 @@ fn create_beside(path: &Path) -> Result<(Temporary, File), OutputError> {
     loop {
         let beside = path.with_file_name(format!(".{name}.{}-{number}.part", std::process::id()));
         match OpenOptions::new().write(true).create_new(true).open(&beside) {
-            Ok(file) => return Ok((Temporary { path: beside, keep: false }, file)),
+            Ok(file) => {
+                unfinished().push(beside.clone());
+                return Ok((Temporary { path: beside }, file));
+            }
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists && number < 100 => number += 1,
             Err(error) => return Err(failed(error)),
         }
@@ -120,7 +138,7 @@ pub fn write_atomically(
     write: impl FnOnce(&mut BufWriter<File>) -> Result<(), OutputError>,
 ) -> Result<(), OutputError> {
     let failed = |source| OutputError::Write { path: path.to_owned(), source };
-    let (mut temporary, file) = create_beside(path)?;
+    let (temporary, file) = create_beside(path)?;
     let mut writer = BufWriter::new(file);
     write(&mut writer)?;
     writer.flush().map_err(failed)?;
@@ -128,9 +146,7 @@ pub fn write_atomically(
     drop(writer);
     // A symbolic link stays one: its target is what gets replaced.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    fs::rename(&temporary.path, target).map_err(failed)?;
-    temporary.keep = true;
-    Ok(())
+    fs::rename(&temporary.path, target).map_err(failed)
 }
 
 #[cfg(test)]

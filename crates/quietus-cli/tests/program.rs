@@ -1,0 +1,332 @@
+//! The program from outside: what it writes, what it says, and how it ends.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use quietus_film::{Metadata, Picture, read_exr};
+use tempfile::TempDir;
+
+/// Runs the program in `dir`.
+fn quietus(dir: &Path, arguments: &str) -> Output {
+    command(dir, arguments).output().expect("the program starts")
+}
+
+fn command(dir: &Path, arguments: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_quietus"));
+    command.current_dir(dir).args(arguments.split_whitespace());
+    command
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn dir() -> TempDir {
+    tempfile::tempdir().expect("a temporary directory")
+}
+
+fn files(dir: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(dir).unwrap();
+    let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// Runs it, wants success, and reads `a.exr`.
+fn draw(flags: &str) -> (Picture, Metadata) {
+    let dir = dir();
+    let output = quietus(dir.path(), &format!("render -o a.exr {flags}"));
+    assert!(output.status.success(), "{flags}: {}", stderr(&output));
+    read_exr(&dir.path().join("a.exr")).unwrap()
+}
+
+/// Runs it, wants exit code `code`, one message and no output; returns the message.
+fn refused(dir: &Path, arguments: &str, code: i32) -> String {
+    let before = files(dir);
+    let output = quietus(dir, arguments);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(code), "{arguments}: {message}");
+    assert!(message.starts_with("error: "), "{arguments}: {message}");
+    assert!(!message.contains("panicked"), "{arguments}: {message}");
+    assert_eq!(files(dir), before, "{arguments} left something behind");
+    message
+}
+
+#[test]
+fn the_pictures_are_written_and_named() {
+    let dir = dir();
+    let output = quietus(dir.path(), "render --size 24x16 --spp 2");
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(files(dir.path()), ["quietus.exr", "quietus.png"]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    for file in ["quietus.png", "quietus.exr"] {
+        let path = dir.path().canonicalize().unwrap().join(file);
+        assert!(said.contains(&format!("wrote {}", path.display())), "{said}");
+    }
+    assert_eq!(stderr(&output), "", "quiet where stderr is no terminal");
+}
+
+#[test]
+fn the_exr_holds_every_channel_and_setting() {
+    let (picture, metadata) = draw("--size 40x24 --spp 6 --seed 9 --crop 8,4,30,20 --filter box");
+    assert_eq!((picture.frame, picture.window.x0, picture.window.height()), ([40, 24], 8, 16));
+    assert!(picture.samples.iter().all(|&count| count == 6));
+    assert!(picture.beauty.iter().any(|pixel| pixel[0] > 0.0));
+    assert!(picture.depth.iter().any(|&depth| depth > 0.0));
+    assert!(picture.albedo.iter().any(|albedo| albedo[0] > 0.0));
+    assert!(picture.normal.iter().any(|normal| *normal != [0.0; 3]));
+    let get = |name: &str| metadata.iter().find(|(n, _)| n == name).map(|(_, value)| value.as_str());
+    let expected = [
+        ("seed", "9"),
+        ("version", env!("CARGO_PKG_VERSION")),
+        ("sampling", "uniform"),
+        ("filter", "box"),
+        ("crop", "[8,4,30,20]"),
+        ("max_samples", "6"),
+    ];
+    for (name, value) in expected {
+        assert_eq!(get(name), Some(value), "{name}");
+    }
+}
+
+#[test]
+fn threads_change_nothing() {
+    for sampling in ["quietus", "talk", "uniform --spp 8"] {
+        let limit = if sampling.starts_with("uniform") { "" } else { "--target-error 0.02 --max-samples 64" };
+        let of =
+            |threads: u32| draw(&format!("--size 72x40 --sampling {sampling} {limit} --threads {threads}")).0;
+        let one = of(1);
+        for threads in [2, 3, 4, 7] {
+            assert!(of(threads) == one, "{sampling} with {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn a_crop_is_cut_out_of_the_full_frame() {
+    let (full, _) = draw("--size 40x24 --spp 4");
+    let (crop, _) = draw("--size 40x24 --spp 4 --crop 5,3,26,24");
+    for y in 3..24 {
+        for x in 5..26 {
+            let (a, b) = (crop.index(x, y), full.index(x, y));
+            assert_eq!(crop.beauty[a], full.beauty[b], "({x}, {y})");
+        }
+    }
+}
+
+#[test]
+fn the_seed_decides_the_noise() {
+    let of = |seed: u32| draw(&format!("--size 24x16 --spp 2 --seed {seed}")).0.beauty;
+    assert_eq!(of(1), of(1));
+    assert_ne!(of(1), of(2));
+}
+
+#[test]
+fn statistics_have_the_documented_keys_and_no_others() {
+    let dir = dir();
+    let flags =
+        "render -o a.png --size 48x32 --target-error 0.02 --max-samples 64 --stats s.json --tree t.svg";
+    let output = quietus(dir.path(), flags);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let text = std::fs::read_to_string(dir.path().join("s.json")).unwrap();
+    let stats: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let document = include_str!("../../../docs/stats.md");
+    let documented = |section: &str| {
+        let section = document.split("\n## ").find(|s| s.starts_with(section)).unwrap();
+        let keys = section.lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next());
+        let mut keys: Vec<_> = keys.map(str::to_owned).collect();
+        keys.sort();
+        keys
+    };
+    let keys = |value: &serde_json::Value| {
+        let mut keys: Vec<_> = value.as_object().unwrap().keys().cloned().collect();
+        keys.sort();
+        keys
+    };
+    assert_eq!(keys(&stats), documented("Keys"));
+    assert_eq!(keys(&stats["settings"]), documented("Settings"));
+    assert!(stats["samples"].as_u64().unwrap() >= 16 * 48 * 32);
+    assert!(stats["rays"].as_u64() > stats["samples"].as_u64());
+    assert!(stats["rebuilds"].as_u64().unwrap() > 0);
+    let svg = std::fs::read_to_string(dir.path().join("t.svg")).unwrap();
+    assert!(svg.starts_with("<svg") && svg.contains("<rect"));
+}
+
+#[test]
+fn flags_that_make_no_sense_are_usage_errors() {
+    let dir = dir();
+    let cases = [
+        ("render --size 0x5", "a frame of 0x5 pixels is out of range"),
+        ("render --size 999999x999999", "a frame of 999999x999999 pixels is out of range"),
+        ("render --size 65536x65536", "too large"),
+        ("render --size 10by10", "expected width and height in pixels"),
+        ("render --size 10x10 --crop 4,4,4,9", "the window 4,4,4,9 is not inside the frame of 10x10"),
+        ("render --size 10x10 --crop 0,0,11,10", "the window 0,0,11,10 is not inside the frame of 10x10"),
+        ("render --crop 1,2,3", "expected four whole numbers"),
+        ("render --target-error NaN", "expected a number above 0"),
+        ("render --target-error -1", "expected a number above 0"),
+        ("render --spp 0", "0 is not in 1.."),
+        ("render --spp 4 --sampling pixel", "--spp is for --sampling uniform"),
+        ("render --spp 4 --target-error 0.1", "--target-error is for adaptive sampling"),
+        ("render --min-samples 10 --max-samples 9", "--min-samples 10 is more than --max-samples 9"),
+        ("render --sampling uniform --tree t.svg", "--tree needs a tree"),
+        ("render --time never", "expected a time above 0"),
+        ("render --threads 0", "expected a number of threads from 1 to 1024"),
+        ("render --camera nobody", "no camera is called `nobody`; the scene has `main`"),
+        ("render -o picture.jpeg", "picture.jpeg: unknown picture format"),
+        ("render -o a.png -o a.png", "a.png: named twice"),
+        ("render --sampling sometimes", "invalid value 'sometimes'"),
+        ("draw", "unrecognized subcommand 'draw'"),
+    ];
+    for (arguments, expected) in cases {
+        let message = refused(dir.path(), arguments, 2);
+        assert!(message.contains(expected), "{arguments}: {message}");
+    }
+}
+
+#[test]
+fn inputs_that_cannot_be_read_are_input_errors() {
+    let dir = dir();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(dir.path().join(name), bytes).unwrap();
+    write("truncated.glb", b"glTF\x02\0\0\0\xff\xff\0\0");
+    write("bad.gltf", b"{\"asset\": {\"version\": \"2.0\"}, \"meshes\": [}");
+    write("empty.gltf", b"");
+    write("half.exr", &[0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0]);
+    write("noise.hdr", b"#?RADIANCE\nnothing");
+    let cases = [
+        ("render missing.glb", "missing.glb"),
+        ("render truncated.glb", "truncated.glb"),
+        ("render bad.gltf", "bad.gltf"),
+        ("render empty.gltf", "empty.gltf"),
+        ("render --env missing.hdr", "missing.hdr"),
+        ("render --env noise.hdr", "noise.hdr"),
+        ("render --env half.exr", "half.exr"),
+        ("info missing.exr", "missing.exr: cannot read"),
+        ("info half.exr", "half.exr: not a readable OpenEXR file"),
+        ("info missing.gltf", "missing.gltf"),
+        ("info bad.gltf", "bad.gltf"),
+    ];
+    for (arguments, expected) in cases {
+        let message = refused(dir.path(), arguments, 3);
+        assert!(message.contains(expected), "{arguments}: {message}");
+    }
+}
+
+#[test]
+fn outputs_that_cannot_be_written_are_known_before_rendering() {
+    let dir = dir();
+    std::fs::create_dir(dir.path().join("folder.png")).unwrap();
+    // Without a limit: these would render for hours before they failed.
+    let cases = [
+        ("render --target-error 1e-9 -o no/such/dir/a.png", "no/such/dir/a.png: cannot write"),
+        ("render --target-error 1e-9 -o folder.png", "folder.png: exists and is not a regular file"),
+        ("render --target-error 1e-9 --stats nowhere/s.json", "nowhere/s.json: cannot write"),
+        ("render --target-error 1e-9 --tree nowhere/t.svg", "nowhere/t.svg: cannot write"),
+    ];
+    for (arguments, expected) in cases {
+        let message = refused(dir.path(), arguments, 4);
+        assert!(message.contains(expected), "{arguments}: {message}");
+    }
+}
+
+#[test]
+fn info_describes_an_exr() {
+    let dir = dir();
+    assert!(quietus(dir.path(), "render -o a.exr --size 24x16 --spp 2 --crop 1,2,20,10").status.success());
+    let output = quietus(dir.path(), "info a.exr");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    for expected in [
+        "display window  24x16 at (0, 0)",
+        "data window     19x8 at (1, 2)",
+        "channel         samples   u32  min 2            mean 2            max 2",
+        "sampling        uniform",
+    ] {
+        assert!(said.contains(expected), "{expected:?} is not in:\n{said}");
+    }
+}
+
+#[test]
+fn the_time_limit_ends_a_render_well() {
+    let dir = dir();
+    let output = quietus(dir.path(), "render -o a.png --size 64x36 --sampling uniform --time 0.3");
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(String::from_utf8_lossy(&output.stdout).starts_with("time is up: "));
+    assert_eq!(files(dir.path()), ["a.png"]);
+}
+
+#[test]
+fn help_lists_the_exit_codes() {
+    for arguments in ["--help", "render --help"] {
+        let output = quietus(&PathBuf::from("."), arguments);
+        assert!(output.status.success());
+        assert!(String::from_utf8_lossy(&output.stdout).contains("130  stopped by Ctrl-C"));
+    }
+}
+
+#[cfg(target_os = "linux")]
+mod interrupts {
+    use std::process::Child;
+    use std::time::{Duration, Instant};
+
+    use super::*;
+
+    /// Starts a render without end and waits until it watches for Ctrl-C.
+    fn start(dir: &Path) -> Child {
+        let mut command = command(
+            dir,
+            "render -o a.exr -o a.png --stats s.json --size 64x36 --sampling uniform --time 10m",
+        );
+        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let status = format!("/proc/{}/status", child.id());
+        let start = Instant::now();
+        while !catches_interrupts(&std::fs::read_to_string(&status).unwrap()) {
+            assert!(start.elapsed() < Duration::from_secs(60), "the program never watches for Ctrl-C");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        child
+    }
+
+    /// Whether the process of this status file has a handler for SIGINT, signal 2: bit 1 of `SigCgt`.
+    fn catches_interrupts(status: &str) -> bool {
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+        mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 2 != 0)
+    }
+
+    fn interrupt(child: &Child) {
+        let status = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(status.success());
+    }
+
+    #[test]
+    fn ctrl_c_writes_what_there_is_and_says_how_far_it_came() {
+        let dir = dir();
+        let child = start(dir.path());
+        interrupt(&child);
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+        assert!(stderr(&output).contains("stopping; the picture so far will be written"));
+        assert!(String::from_utf8_lossy(&output.stdout).starts_with("interrupted: "));
+        assert_eq!(files(dir.path()), ["a.exr", "a.png", "s.json"]);
+        read_exr(&dir.path().join("a.exr")).unwrap();
+        let stats = std::fs::read_to_string(dir.path().join("s.json")).unwrap();
+        let stats: serde_json::Value = serde_json::from_str(&stats).unwrap();
+        assert_eq!(stats["stopped_by"], "interrupt");
+    }
+
+    #[test]
+    fn a_second_ctrl_c_quits_and_leaves_nothing_half_written() {
+        let dir = dir();
+        let mut child = start(dir.path());
+        // Signals that arrive together count as one: repeated until the program is gone. It may have finished
+        // writing before the second one reached it.
+        let status = loop {
+            if let Some(status) = child.try_wait().unwrap() {
+                break status;
+            }
+            interrupt(&child);
+        };
+        assert_eq!(status.code(), Some(130));
+        assert!(files(dir.path()).iter().all(|name| ["a.exr", "a.png", "s.json"].contains(&name.as_str())));
+    }
+}

@@ -1,0 +1,234 @@
+//! The render loop over stand-in tracers: what it draws, and how it ends.
+
+use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use glam::Vec3;
+use quietus_film::{Picture, Window};
+use quietus_render::{
+    Control, Fault, Machinery, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, Tracer, render,
+    shown_error,
+};
+use quietus_trace::tile::{PixelWork, Sample, SampleSink, TileCounts};
+
+/// Samples that are a function of their numbers alone.
+struct Func<F>(F);
+
+impl<F: Fn(&PixelWork, u32) -> Sample + Sync> Tracer for Func<F> {
+    fn render_tile(&self, work: &[PixelWork], sink: &mut impl SampleSink) -> TileCounts {
+        let mut paths = 0;
+        for run in work {
+            for index in run.first..run.first + run.count {
+                sink.add(run, index, &(self.0)(run, index));
+                paths += 1;
+            }
+        }
+        TileCounts { paths, rays: 3 * paths }
+    }
+}
+
+/// A well-mixed number in 0..1 (splitmix64).
+fn random(run: &PixelWork, index: u32) -> f32 {
+    let key = [run.x, run.y, u32::from(run.replicate), index];
+    let mut state = key
+        .iter()
+        .fold(1_u64, |state, &k| (state ^ u64::from(k)).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29));
+    state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((state ^ (state >> 31)) >> 40) as f32 / (1_u64 << 24) as f32
+}
+
+fn grey(value: f32) -> Sample {
+    Sample { radiance: Vec3::splat(value), alpha: 1.0, depth: 1.0, ..Sample::default() }
+}
+
+/// Noise that is strong on the left and fades to the right.
+fn noise(run: &PixelWork, index: u32) -> Sample {
+    grey(0.5 + (random(run, index) - 0.5) * 2.0_f32.powf(-(run.x as f32) / 12.0))
+}
+
+fn settings(width: u32, height: u32, sampling: Sampling) -> RenderSettings {
+    RenderSettings {
+        frame: [width, height],
+        window: Window { x0: 0, y0: 0, x1: width, y1: height },
+        sampling,
+        target_error: 0.0015,
+        min_samples: 8,
+        max_samples: 200,
+        time_limit: None,
+        threads: NonZeroUsize::new(4).unwrap(),
+        machinery: Machinery::default(),
+    }
+}
+
+fn draw(tracer: &impl Tracer, settings: &RenderSettings) -> Result<Rendered, RenderError> {
+    render(tracer, settings, &mut Control { cancel: &AtomicBool::new(false), progress: &mut |_| () })
+}
+
+fn picture(settings: &RenderSettings) -> Picture {
+    draw(&Func(noise), settings).unwrap().film.picture(shown_error)
+}
+
+const ADAPTIVE: [Sampling; 5] =
+    [Sampling::Quietus, Sampling::Talk, Sampling::Tile, Sampling::Dammertz, Sampling::Pixel];
+
+#[test]
+fn the_picture_does_not_depend_on_the_number_of_threads() {
+    for sampling in ADAPTIVE.into_iter().chain([Sampling::Uniform]) {
+        for lag in [1, 2] {
+            let of = |threads| {
+                let threads = NonZeroUsize::new(threads).unwrap();
+                let machinery = Machinery { lag, ..Machinery::default() };
+                picture(&RenderSettings { threads, machinery, ..settings(75, 41, sampling) })
+            };
+            let one = of(1);
+            for threads in [2, 3, 4, 7] {
+                assert!(of(threads) == one, "{sampling:?}, lag {lag}, {threads} threads");
+            }
+        }
+    }
+}
+
+#[test]
+fn adaptive_sampling_goes_where_the_noise_is() {
+    for sampling in ADAPTIVE.into_iter().chain([Sampling::FreeRunning]) {
+        let rendered = draw(&Func(noise), &settings(96, 40, sampling)).unwrap();
+        assert_eq!(rendered.stopped_by, StoppedBy::Done, "{sampling:?}");
+        let picture = rendered.film.picture(shown_error);
+        let mean = |from: u32, to: u32| {
+            let counts = (0..40).flat_map(|y| (from..to).map(move |x| (x, y)));
+            let sum: u32 = counts.map(|(x, y)| picture.samples[picture.index(x, y)]).sum();
+            f64::from(sum) / f64::from(40 * (to - from))
+        };
+        let (left, right) = (mean(0, 16), mean(80, 96));
+        assert!(left > 2.0 * right, "{sampling:?}: {left} on the left, {right} on the right");
+        assert!(picture.samples.iter().all(|count| (8..=200).contains(count)), "{sampling:?}");
+    }
+}
+
+#[test]
+fn uniform_sampling_draws_exactly_what_was_asked_for() {
+    for spp in [1, 2, 7, 64] {
+        let rendered =
+            draw(&Func(noise), &RenderSettings { max_samples: spp, ..settings(9, 17, Sampling::Uniform) })
+                .unwrap();
+        assert!(rendered.film.sample_counts().iter().all(|&count| count == spp), "{spp}");
+        let statistics = &rendered.statistics;
+        assert_eq!((statistics.samples, statistics.rays), (153 * u64::from(spp), 459 * u64::from(spp)));
+        let per_pixel = statistics.per_pixel;
+        assert_eq!((per_pixel.spp_p50, per_pixel.spp_p99, per_pixel.spp_max), (spp, spp, spp));
+    }
+}
+
+#[test]
+fn a_crop_shows_the_same_pixels_as_the_full_frame() {
+    let full = settings(50, 30, Sampling::Uniform);
+    let window = Window { x0: 11, y0: 3, x1: 40, y1: 30 };
+    let crop = picture(&RenderSettings { window, ..full.clone() });
+    let full = picture(&full);
+    for y in window.y0..window.y1 {
+        for x in window.x0..window.x1 {
+            let (a, b) = (crop.index(x, y), full.index(x, y));
+            assert_eq!(crop.beauty[a], full.beauty[b], "({x}, {y})");
+            assert_eq!(crop.error[a], full.error[b], "({x}, {y})");
+        }
+    }
+}
+
+#[test]
+fn every_sample_is_drawn_once_and_without_gaps() {
+    let sum = AtomicU64::new(0);
+    let tracer = Func(|run: &PixelWork, index: u32| {
+        sum.fetch_add(u64::from(index), Ordering::Relaxed);
+        noise(run, index)
+    });
+    let rendered = draw(&tracer, &settings(40, 24, Sampling::Quietus)).unwrap();
+    // Replicates stay equal, so a pixel of n samples has drawn the indices 0..n/2 twice.
+    let halves = rendered.film.sample_counts().into_iter().map(|count| u64::from(count / 2));
+    let expected: u64 = halves.map(|half| half * (half - 1)).sum();
+    assert_eq!(sum.into_inner(), expected);
+}
+
+#[test]
+fn a_panic_names_its_sample_and_hangs_nobody() {
+    for sampling in [Sampling::Quietus, Sampling::FreeRunning, Sampling::Uniform] {
+        let tracer = Func(|run: &PixelWork, index: u32| {
+            assert!((run.x, run.y, run.replicate, index) != (33, 10, 1, 5), "no such material");
+            noise(run, index)
+        });
+        let Err(RenderError::Panicked(fault)) = draw(&tracer, &settings(64, 64, sampling)) else {
+            panic!("{sampling:?}: the panic went unnoticed");
+        };
+        let expected = Fault { x: 33, y: 10, replicate: 1, index: 5, message: "no such material".into() };
+        assert_eq!(fault, expected);
+    }
+}
+
+#[test]
+fn a_pixel_that_is_never_finite_is_left_out_and_reported() {
+    let tracer = Func(
+        |run: &PixelWork, index: u32| {
+            if (run.x, run.y) == (5, 6) { grey(f32::NAN) } else { noise(run, index) }
+        },
+    );
+    for sampling in ADAPTIVE {
+        let rendered = draw(&tracer, &settings(24, 24, sampling)).unwrap();
+        assert_eq!(rendered.stopped_by, StoppedBy::Done);
+        let picture = rendered.film.picture(shown_error);
+        let pixel = picture.index(5, 6);
+        assert_eq!((picture.samples[pixel], picture.beauty[pixel]), (0, [0.0; 4]));
+        assert!(picture.error.iter().all(|error| error.is_finite()));
+        let rejected = rendered.film.rejected();
+        assert!(rejected.count() >= 8 && rejected.count() == rendered.statistics.nonfinite_samples);
+        assert!(rejected.first().all(|sample| (sample.x, sample.y) == (5, 6)));
+    }
+}
+
+#[test]
+fn time_limit_and_cancelling_end_an_endless_render() {
+    let endless = || RenderSettings { max_samples: u32::MAX, ..settings(32, 32, Sampling::Uniform) };
+    let start = Instant::now();
+    let limit = Duration::from_millis(200);
+    let rendered = draw(&Func(noise), &RenderSettings { time_limit: Some(limit), ..endless() }).unwrap();
+    assert_eq!(rendered.stopped_by, StoppedBy::TimeLimit);
+    assert!(start.elapsed() >= limit);
+    assert!(rendered.film.sample_counts().iter().any(|&count| count > 0));
+
+    let cancel = AtomicBool::new(false);
+    let mut looks = 0;
+    let mut progress = |progress: &quietus_render::Progress| {
+        looks += 1;
+        assert!(progress.converged_fraction.is_finite() && progress.samples_per_second >= 0.0);
+        cancel.store(looks >= 3, Ordering::Relaxed);
+    };
+    let control = &mut Control { cancel: &cancel, progress: &mut progress };
+    let rendered = render(&Func(noise), &endless(), control).unwrap();
+    assert_eq!(rendered.stopped_by, StoppedBy::Cancelled);
+}
+
+#[test]
+fn awkward_sizes_finish() {
+    for (width, height) in [(1, 1), (7, 3), (8, 8), (9, 17), (257, 1)] {
+        for sampling in ADAPTIVE.into_iter().chain([Sampling::FreeRunning]) {
+            let threads = NonZeroUsize::new(16).unwrap();
+            let rendered =
+                draw(&Func(noise), &RenderSettings { threads, ..settings(width, height, sampling) });
+            assert_eq!(rendered.unwrap().stopped_by, StoppedBy::Done, "{width}x{height} {sampling:?}");
+        }
+    }
+}
+
+#[test]
+fn settings_out_of_range_are_errors() {
+    let settings = settings(8, 8, Sampling::Quietus);
+    let empty = Window { x0: 4, y0: 0, x1: 4, y1: 8 };
+    assert!(matches!(
+        draw(&Func(noise), &RenderSettings { window: empty, ..settings.clone() }),
+        Err(RenderError::Layout(_))
+    ));
+    assert!(matches!(
+        draw(&Func(noise), &RenderSettings { target_error: f64::NAN, ..settings }),
+        Err(RenderError::Settings(_))
+    ));
+}

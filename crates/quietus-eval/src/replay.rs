@@ -1,0 +1,324 @@
+//! Replay: the library deals visits, and samples are looked up instead of traced.
+
+use quietus::{
+    AdaptiveSampling, DammertzMetric, ErrorMetric, Outcome, PixelError, ReplicateMean, Settings, Statistics,
+    TILE_PIXELS, Visit,
+};
+
+use crate::{Bank, EvalError, Picture, packed, runs::Deal};
+
+/// What a run of a policy on a bank led to.
+#[derive(Clone, Debug)]
+pub struct Replay {
+    /// The mean of each pixel's accepted samples; black where there are none.
+    pub picture: Picture,
+    /// Samples of each pixel, over all replicates, row by row.
+    pub counts: Vec<u32>,
+    /// Samples of all pixels.
+    pub samples: u64,
+    /// Rays these took: each pixel's samples times its mean rays in the bank.
+    pub rays: f64,
+    /// Samples that the film would have rejected; they count as drawn and are left out of means.
+    pub rejected: u64,
+    /// Whether sampling went on to the pixel at the end: it ran into the maximum. Row by row.
+    pub unfinished: Vec<bool>,
+    /// Regions in which sampling stopped, where the policy says so.
+    pub stopped: Vec<quietus::Area>,
+    /// The library's counters.
+    pub statistics: Statistics,
+}
+
+impl Replay {
+    /// Mean samples of a pixel.
+    pub fn samples_per_pixel(&self) -> f64 {
+        self.samples as f64 / self.counts.len() as f64
+    }
+}
+
+/// Runs the policy of `settings` on `bank` with Dammertz's metric, on the calling thread. Equal arguments give
+/// equal results.
+///
+/// `run` numbers the run: the first `streams / replicates` ones share no sample (with two replicates, run k has
+/// the very samples of the live render with the bank's seed plus k), later ones deal each pixel's streams anew; see
+/// the bank's description. In free-running mode the visits come in the order in which one thread does them.
+///
+/// # Errors
+/// Where the library refuses the settings, or they do not fit the bank: another size, a crop, more replicates than
+/// streams, or a maximum of samples the streams do not hold.
+pub fn replay(bank: &Bank, settings: &Settings, run: u64) -> Result<Replay, EvalError> {
+    replay_with(bank, settings, &DammertzMetric, run)
+}
+
+/// As [`replay`], with another metric; its channels are red, green, blue and alpha.
+///
+/// # Errors
+/// As [`replay`].
+pub fn replay_with(
+    bank: &Bank,
+    settings: &Settings,
+    metric: &impl ErrorMetric,
+    run: u64,
+) -> Result<Replay, EvalError> {
+    fits(bank, settings)?;
+    let sampling = AdaptiveSampling::new(settings.clone())?;
+    let replicates = settings.replicates as usize;
+    let pixels = bank.spec().look.pixels();
+    let mut film = BankFilm {
+        bank,
+        deal: Deal::new(bank.spec().streams, settings.replicates, pixels, run),
+        replicates,
+        sums: vec![Sum::default(); pixels * replicates],
+        rejected: 0,
+    };
+    let mut worker = sampling.worker();
+    while let Some(visit) = worker.next_visit() {
+        let errors = film.draw(&visit, metric);
+        visit.finish(&errors);
+    }
+    drop(worker);
+    if sampling.outcome() != Some(Outcome::Finished) {
+        let outcome = sampling.outcome();
+        return Err(EvalError::Request(format!("the replay ended as {outcome:?} instead of being finished")));
+    }
+    Ok(film.develop(&sampling))
+}
+
+fn fits(bank: &Bank, settings: &Settings) -> Result<(), EvalError> {
+    let spec = bank.spec();
+    let refuse = |message: String| Err(EvalError::Request(message));
+    if [settings.width, settings.height] != [spec.look.width, spec.look.height] || settings.crop.is_some() {
+        let size = format!("{}x{}", spec.look.width, spec.look.height);
+        return refuse(format!(
+            "the bank holds {size} pixels; the settings must ask for just these, without crop"
+        ));
+    }
+    if settings.replicates > spec.streams {
+        let (asked, there) = (settings.replicates, spec.streams);
+        return refuse(format!("{asked} replicates were asked for; the bank has {there} streams"));
+    }
+    // Replicates hold equal shares, the first ones one more.
+    let held = u64::from(spec.samples) * u64::from(settings.replicates);
+    if u64::from(settings.max_samples) > held {
+        return refuse(format!(
+            "at most {} samples per pixel were asked for; {} replicates of {} samples hold {held}",
+            settings.max_samples, settings.replicates, spec.samples
+        ));
+    }
+    Ok(())
+}
+
+/// One replicate of one pixel, summed as the film does.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    channels: [f64; 4],
+    accepted: u32,
+    drawn: u32,
+}
+
+struct BankFilm<'a> {
+    bank: &'a Bank,
+    deal: Deal,
+    replicates: usize,
+    /// R in a row for each pixel, row by row.
+    sums: Vec<Sum>,
+    rejected: u64,
+}
+
+impl BankFilm<'_> {
+    fn pixel(&self, x: u32, y: u32) -> usize {
+        y as usize * self.bank.spec().look.width as usize + x as usize
+    }
+
+    /// Looks the samples of a visit up; returns the errors of its pixels.
+    fn draw(&mut self, visit: &Visit<'_, '_>, metric: &impl ErrorMetric) -> [PixelError; TILE_PIXELS] {
+        let mut errors = [PixelError::REJECTED; TILE_PIXELS];
+        for work in visit.pixels() {
+            let pixel = self.pixel(work.x, work.y);
+            let stream = self.bank.stream(pixel, self.deal.stream(pixel, work.replicate));
+            let words = &stream[work.samples.start as usize..work.samples.end as usize];
+            let slot = pixel * self.replicates + usize::from(work.replicate);
+            self.rejected += add(&mut self.sums[slot], words);
+        }
+        let pixels = self.pixels_of(visit);
+        let channels: Vec<[f32; 4]> = pixels.clone().flat_map(|(_, pixel)| self.means(pixel)).collect();
+        let means: Vec<ReplicateMean<'_>> = pixels
+            .clone()
+            .flat_map(|(_, pixel)| self.replicates_of(pixel))
+            .zip(&channels)
+            .map(|(sum, channels)| ReplicateMean { count: sum.accepted, channels })
+            .collect();
+        for ((bit, _), means) in pixels.zip(means.chunks(self.replicates)) {
+            errors[usize::from(bit)] = metric.pixel_error(means);
+        }
+        errors
+    }
+
+    /// The pixels a visit draws: their place in the tile, and their number in the picture.
+    fn pixels_of(&self, visit: &Visit<'_, '_>) -> impl Iterator<Item = (u8, usize)> + Clone + use<> {
+        let (rect, width) = (visit.rect(), self.bank.spec().look.width);
+        quietus::active_mask::pixels(visit.mask()).collect::<Vec<_>>().into_iter().map(move |bit| {
+            let (x, y) = (rect.x0 + u32::from(bit) % 8, rect.y0 + u32::from(bit) / 8);
+            (bit, y as usize * width as usize + x as usize)
+        })
+    }
+
+    fn replicates_of(&self, pixel: usize) -> &[Sum] {
+        &self.sums[pixel * self.replicates..][..self.replicates]
+    }
+
+    fn means(&self, pixel: usize) -> impl Iterator<Item = [f32; 4]> + '_ {
+        self.replicates_of(pixel).iter().map(|sum| {
+            let n = f64::from(sum.accepted.max(1));
+            sum.channels.map(|c| (c / n) as f32)
+        })
+    }
+
+    /// What is left when the library says it is finished.
+    fn develop(self, sampling: &AdaptiveSampling) -> Replay {
+        let look = &self.bank.spec().look;
+        let mut picture = Picture::black(look.width, look.height);
+        let mut counts = vec![0; look.pixels()];
+        let mut rays = 0.0;
+        for (pixel, sums) in self.sums.chunks(self.replicates).enumerate() {
+            let accepted: u32 = sums.iter().map(|s| s.accepted).sum();
+            counts[pixel] = sums.iter().map(|s| s.drawn).sum();
+            rays += f64::from(counts[pixel]) * f64::from(self.bank.rays()[pixel]);
+            for channel in 0..3 {
+                let sum: f64 = sums.iter().map(|s| s.channels[channel]).sum();
+                picture.rgb[pixel][channel] = (sum / f64::from(accepted.max(1))) as f32;
+            }
+        }
+        Replay {
+            picture,
+            samples: counts.iter().map(|&n| u64::from(n)).sum(),
+            counts,
+            rays,
+            rejected: self.rejected,
+            unfinished: unfinished(sampling),
+            stopped: stopped(sampling),
+            statistics: sampling.statistics(),
+        }
+    }
+}
+
+/// Adds samples to a replicate; returns how many were rejected.
+#[inline]
+fn add(sum: &mut Sum, words: &[[u8; 8]]) -> u64 {
+    let (mut channels, mut rejected) = ([0.0; 4], 0);
+    for &bytes in words {
+        let word = u64::from_le_bytes(bytes);
+        if word == packed::REJECTED {
+            rejected += 1;
+            continue;
+        }
+        for (channel, value) in channels.iter_mut().zip(packed::unpack(word)) {
+            *channel += f64::from(value);
+        }
+    }
+    sum.channels.iter_mut().zip(channels).for_each(|(sum, more)| *sum += more);
+    sum.drawn += words.len() as u32;
+    sum.accepted += words.len() as u32 - rejected;
+    u64::from(rejected)
+}
+
+/// Pixels that are still active, row by row.
+fn unfinished(sampling: &AdaptiveSampling) -> Vec<bool> {
+    let grid = sampling.grid();
+    let mut active = vec![false; grid.rect().area() as usize];
+    for tile in 0..grid.tiles() {
+        let rect = grid.tile_rect(tile);
+        for bit in quietus::active_mask::pixels(sampling.active_mask(tile)) {
+            let (x, y) = (rect.x0 + u32::from(bit) % 8, rect.y0 + u32::from(bit) / 8);
+            if rect.contains(x, y) {
+                active[y as usize * grid.width() as usize + x as usize] = true;
+            }
+        }
+    }
+    active
+}
+
+/// Complete leaves of the trees, each once: a leaf in the overlap of two regions belongs to the one whose home
+/// holds its centre.
+fn stopped(sampling: &AdaptiveSampling) -> Vec<quietus::Area> {
+    let regions = quietus::Regions::new(*sampling.grid(), sampling.settings().regions_per_axis);
+    let mut areas = Vec::new();
+    for (region, tree) in (0..).zip(sampling.region_trees()) {
+        let home = regions.home_rect(region);
+        let complete = tree.iter().flat_map(|tree| tree.leaves()).filter(|leaf| leaf.complete);
+        areas.extend(complete.map(|leaf| leaf.area).filter(|area| {
+            let (x, y) = (0.5 * (area.x0 + area.x1), 0.5 * (area.y0 + area.y1));
+            home.contains(x as u32, y as u32)
+        }));
+    }
+    areas
+}
+
+#[cfg(test)]
+mod tests {
+    use quietus::Policy;
+
+    use super::*;
+    use crate::{BankSpec, Look, Subject, bank::record_in_memory};
+
+    fn bank() -> Bank {
+        let look = Look { filter: "box".into(), ..Look::new(36, 20) };
+        let spec = BankSpec { scene: "embedded".into(), look, streams: 6, samples: 32, seed: 0 };
+        record_in_memory(&Subject::embedded().unwrap(), &spec).unwrap()
+    }
+
+    fn settings(policy: Policy, max_samples: u32) -> Settings {
+        Settings { policy, max_samples, target_error: 0.01, ..Settings::new(36, 20) }
+    }
+
+    #[test]
+    fn uniform_is_the_direct_mean_of_the_samples_it_says() {
+        let bank = bank();
+        for run in [0, 1, 2, 3, 11] {
+            let replayed = replay(&bank, &settings(Policy::Uniform, 24), run).unwrap();
+            assert_eq!((replayed.samples, replayed.rejected), (36 * 20 * 24, 0));
+            assert!(replayed.counts.iter().all(|&n| n == 24));
+            let deal = Deal::new(6, 2, 720, run);
+            for pixel in [0, 17, 719] {
+                let mut sum = [0.0; 3];
+                for replicate in 0..2 {
+                    for &bytes in &bank.stream(pixel, deal.stream(pixel, replicate))[..12] {
+                        let value = packed::unpack(u64::from_le_bytes(bytes));
+                        (0..3).for_each(|c| sum[c] += f64::from(value[c]));
+                    }
+                }
+                let [r, g, b] = sum.map(|s| (s / 24.0) as f32);
+                for (found, expected) in replayed.picture.rgb[pixel].iter().zip([r, g, b]) {
+                    // Sums in another order: a few roundings of f64, then one of f32.
+                    assert!((found - expected).abs() <= expected * f32::EPSILON, "{found} {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_policy_ends_and_equal_runs_are_equal() {
+        let bank = bank();
+        for policy in
+            [Policy::Uniform, Policy::Tile, Policy::Dammertz, Policy::Pixel, Policy::Talk, Policy::Quietus]
+        {
+            let one = replay(&bank, &settings(policy, 64), 1).unwrap();
+            let again = replay(&bank, &settings(policy, 64), 1).unwrap();
+            assert!(one.picture == again.picture && one.counts == again.counts, "{policy:?}");
+            assert!(one.counts.iter().all(|n| (16..=64).contains(n)), "{policy:?}");
+            assert!(one.rays > one.samples as f64);
+            let free = Settings { mode: quietus::Mode::FreeRunning, ..settings(policy, 64) };
+            replay(&bank, &free, 0).unwrap();
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_the_bank_is_refused() {
+        let bank = bank();
+        let message = |settings: &Settings| replay(&bank, settings, 0).unwrap_err().to_string();
+        assert!(message(&settings(Policy::Uniform, 65)).contains("2 replicates of 32 samples hold 64"));
+        let other = Settings { width: 40, ..settings(Policy::Uniform, 8) };
+        assert!(message(&other).contains("the bank holds 36x20 pixels"));
+        let many = Settings { replicates: 7, ..settings(Policy::Uniform, 8) };
+        assert!(message(&many).contains("the bank has 6 streams"));
+    }
+}

@@ -1,0 +1,99 @@
+//! What is measured: a scene with its camera, and how it is looked at.
+
+use std::path::Path;
+
+use quietus_scene::{Warning, embedded, load};
+use quietus_trace::{desc, filter::Filter, scene::Scene, view::View};
+use serde::{Deserialize, Serialize};
+
+use crate::EvalError;
+
+/// A scene ready to be drawn, seen through its first camera.
+#[derive(Debug)]
+pub struct Subject {
+    /// Short name for tables and file names.
+    pub name: String,
+    /// What the reader left out, replaced or added.
+    pub warnings: Vec<Warning>,
+    pub(crate) scene: Scene,
+    camera: desc::Camera,
+}
+
+/// How a subject is looked at. Pictures with equal looks can be compared.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Look {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Path segments from the camera.
+    pub max_depth: u32,
+    /// `box`, `gaussian` or `blackman-harris`.
+    pub filter: String,
+}
+
+impl Look {
+    /// `width` x `height` pixels with the defaults of `quietus render`: 16 segments, Blackman-Harris.
+    pub fn new(width: u32, height: u32) -> Self {
+        Self { width, height, max_depth: 16, filter: "blackman-harris".to_owned() }
+    }
+
+    /// Number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
+    fn filter(&self) -> Result<Filter, EvalError> {
+        match self.filter.as_str() {
+            "box" => Ok(Filter::Box),
+            "gaussian" => Ok(Filter::Gaussian),
+            "blackman-harris" => Ok(Filter::BlackmanHarris),
+            other => {
+                let message =
+                    format!("unknown filter \"{other}\": expected box, gaussian or blackman-harris");
+                Err(EvalError::Request(message))
+            }
+        }
+    }
+}
+
+impl Subject {
+    /// The scene built into the program.
+    ///
+    /// # Errors
+    /// Where the tracer refuses it.
+    pub fn embedded() -> Result<Self, EvalError> {
+        Self::new("embedded", &embedded(), Vec::new())
+    }
+
+    /// `embedded`, or a glTF file; its name is then the file's stem.
+    ///
+    /// # Errors
+    /// Where the file cannot be read, or the tracer refuses what is in it.
+    pub fn open(source: &str) -> Result<Self, EvalError> {
+        if source == "embedded" {
+            return Self::embedded();
+        }
+        let path = Path::new(source);
+        let loaded = load(path)?;
+        let name = path.file_stem().map_or_else(|| source.to_owned(), |s| s.to_string_lossy().into_owned());
+        Self::new(&name, &loaded.scene, loaded.warnings)
+    }
+
+    /// Any scene.
+    ///
+    /// # Errors
+    /// Where the scene has no camera, or the tracer refuses it.
+    pub fn new(name: &str, scene: &desc::SceneDesc, warnings: Vec<Warning>) -> Result<Self, EvalError> {
+        let no_camera = || EvalError::Request(format!("{name}: the scene has no camera"));
+        let camera = scene.cameras.first().ok_or_else(no_camera)?.clone();
+        let scene =
+            Scene::build(scene).map_err(|source| EvalError::Build { scene: name.to_owned(), source })?;
+        Ok(Self { name: name.to_owned(), warnings, scene, camera })
+    }
+
+    pub(crate) fn view(&self, look: &Look, seed: u64) -> Result<View, EvalError> {
+        View::new(&self.camera, [look.width, look.height], look.filter()?, look.max_depth, seed)
+            .map_err(|source| EvalError::Camera { scene: self.name.clone(), source })
+    }
+}

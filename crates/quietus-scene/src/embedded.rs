@@ -23,11 +23,11 @@ const HEIGHT: f32 = 2.0;
 /// z of the back wall and of the wall behind the camera.
 const DEPTH: [f32; 2] = [-1.2, 3.0];
 /// Centre of the lamp: to the left, so that glass and mirror throw their light across the floor.
-const LAMP: Vec3 = Vec3::new(-0.62, 1.52, -0.28);
+const LAMP: Vec3 = Vec3::new(-0.70, 1.42, 0.02);
 /// Radius of the lamp: a diameter of 2.8 % of the room's width.
 const LAMP_RADIUS: f32 = 0.045;
 /// Radiance of the lamp, chosen so that the back wall comes out around mid grey.
-const LAMP_RADIANCE: Vec3 = Vec3::new(420.0, 360.0, 280.0);
+const LAMP_RADIANCE: Vec3 = Vec3::new(440.0, 388.0, 316.0);
 
 /// The scene built into the program; see the module's description for why it looks as it does.
 pub fn embedded() -> SceneDesc {
@@ -35,8 +35,8 @@ pub fn embedded() -> SceneDesc {
     add_walls(&mut room);
     add_lamp(&mut room);
     add_still_life(&mut room);
-    let eye = Vec3::new(0.12, 1.12, 2.72);
-    let target = Vec3::new(0.02, 0.66, -0.4);
+    let eye = Vec3::new(0.12, 1.40, 2.75);
+    let target = Vec3::new(0.03, 0.56, -0.4);
     room.scene.cameras.push(Camera {
         name: "main".to_owned(),
         to_world: look_at(eye, target),
@@ -113,9 +113,9 @@ fn add_still_life(room: &mut Builder) {
     room.place("plinth", block(plinth[0], plinth[1], 0.35), plaster);
     room.sphere("porcelain ball", Vec3::new(0.98, 0.60 + 0.2, -0.72), 0.2, porcelain);
     room.sphere("mirror ball", Vec3::new(-0.72, 0.42, -0.55), 0.42, silver);
-    room.sphere("glass ball", Vec3::new(0.22, 0.34, 0.18), 0.34, glass);
-    room.sphere("amber ball", Vec3::new(-0.42, 0.13, 0.52), 0.13, amber);
-    room.sphere("gold ball", Vec3::new(0.94, 0.15, 0.12), 0.15, gold);
+    room.sphere("glass ball", Vec3::new(0.20, 0.34, -0.04), 0.34, glass);
+    room.sphere("amber ball", Vec3::new(-0.36, 0.13, 0.36), 0.13, amber);
+    room.sphere("gold ball", Vec3::new(0.92, 0.15, 0.10), 0.15, gold);
 }
 
 /// Collects materials and objects, each object placed once where it was modelled.

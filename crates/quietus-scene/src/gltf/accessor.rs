@@ -261,3 +261,7 @@ impl Document<'_> {
         Ok(Elements { bytes, stride: stride as usize, size, count: count as usize })
     }
 }
+
+#[cfg(test)]
+#[path = "accessor_tests.rs"]
+mod tests;

@@ -93,9 +93,11 @@ impl<'a> Document<'a> {
         name: &str,
         place: &str,
     ) -> Result<&'b T, SceneError> {
-        items.get(index).ok_or_else(|| {
-            let count = items.len();
-            self.invalid(place, format!("refers to {name}[{index}], but there are {count} {name}"))
+        items.get(index).ok_or_else(|| match items.len() {
+            0 => self.invalid(place, format!("refers to {name}[{index}], but the file has no {name}")),
+            count => {
+                self.invalid(place, format!("refers to {name}[{index}], expected an index below {count}"))
+            }
         })
     }
 

@@ -281,6 +281,10 @@ impl<R> Protocol<R> {
             self.rearm(counter);
             if self.suffers(Fault::PublishEarly) {
                 self.announce(index, generation);
+                // Real threads are given time to fall into it; a model checker needs none.
+                if cfg!(not(any(loom, shuttle))) {
+                    std::thread::sleep(std::time::Duration::from_millis(2));
+                }
             }
             let state = &mut updates.state;
             update(Update { region: index, generation, drew, waited_nanoseconds, state });
@@ -333,6 +337,13 @@ impl<R> Protocol<R> {
     /// The one region the tile is checked against.
     pub fn home(&self, tile: u32) -> u32 {
         self.tiles[tile as usize].home
+    }
+
+    /// Visits that the region still expects before its next update.
+    pub fn remaining_visits(&self, region: u32) -> i64 {
+        let region = &self.regions[region as usize];
+        let next = lock(&region.updates).next;
+        region.counters[self.slot(next)].remaining()
     }
 
     /// How many tickets have been dealt, some of which may never have had their turn.

@@ -66,6 +66,13 @@ impl<T> StripedLocks<T> {
         (guards, nanoseconds_since(start))
     }
 
+    /// A writer's mistake, for tests that must catch it: only the first lock.
+    #[cfg(any(test, loom, shuttle))]
+    pub fn write_first_only(&self) -> Vec<RwLockWriteGuard<'_, T>> {
+        let first = self.stripes[0].lock.write();
+        vec![first.unwrap_or_else(std::sync::PoisonError::into_inner)]
+    }
+
     /// Time that all readers together have waited for locks.
     pub fn read_wait_nanoseconds(&self) -> u64 {
         // Relaxed: a statistic.

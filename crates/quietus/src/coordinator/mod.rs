@@ -96,6 +96,13 @@ impl AdaptiveSampling {
         })
     }
 
+    /// Makes a mistake in the protocol on purpose, for tests that must catch it.
+    #[cfg(test)]
+    fn with_fault(mut self, fault: crate::protocol::Fault) -> Self {
+        self.protocol = self.protocol.with_fault(Some(fault));
+        self
+    }
+
     /// A handle for one of the renderer's threads.
     pub fn worker(&self) -> Worker<'_> {
         Worker::new(self)

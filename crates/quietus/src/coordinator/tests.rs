@@ -2,14 +2,24 @@
 //! the same bits for any number of threads and any timing, also where delays are injected, and other bits where
 //! the protocol is broken on purpose.
 
-use std::{thread, time::Duration};
+use std::{
+    sync::{
+        Mutex,
+        atomic::{AtomicBool, AtomicU32, Ordering::SeqCst},
+    },
+    thread,
+    time::{Duration, Instant},
+};
 
 use super::*;
-use crate::{Policy, Rebuild};
+use crate::{PassSchedule, PixelRect, Policy, Rebuild, protocol::Fault};
 
-/// What a run leaves behind: counts, errors and masks of every tile.
+/// What a run leaves behind: counts, errors and masks of every tile, and what was drawn in which pass.
 #[derive(Debug, PartialEq, Eq)]
-struct Remains(Vec<(Vec<u32>, [PixelError; TILE_PIXELS], u64)>);
+struct Remains {
+    tiles: Vec<(Vec<u32>, [PixelError; TILE_PIXELS], u64)>,
+    visits: Vec<(u64, u32, u64)>,
+}
 
 fn mix(values: impl IntoIterator<Item = u64>) -> u64 {
     values.into_iter().fold(0x9e37_79b9_7f4a_7c15, |h, v| {
@@ -26,32 +36,47 @@ fn synthetic_error(x: u32, y: u32, count: u32) -> PixelError {
     PixelError::from_f32(0.2 * hill * rough / (count.max(1) as f32).sqrt())
 }
 
-/// Draws until the end with `threads` threads; `delay` is called in the middle of each visit.
-fn draw(sampling: &AdaptiveSampling, threads: usize, delay: impl Fn(&Visit<'_, '_>) + Sync) {
+/// Draws until the end with `threads` threads; `during` is called in the middle of each visit. Returns each
+/// visit's pass, tile and mask, sorted: what was drawn when.
+fn draw(
+    sampling: &AdaptiveSampling,
+    threads: usize,
+    during: impl Fn(&Visit<'_, '_>) + Sync,
+) -> Vec<(u64, u32, u64)> {
+    let log = Mutex::new(Vec::new());
     thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
                 let mut worker = sampling.worker();
                 while let Some(visit) = worker.next_visit() {
-                    let mut errors = [PixelError::REJECTED; TILE_PIXELS];
-                    let mut ends = [0; TILE_PIXELS];
-                    for work in visit.pixels() {
-                        ends[usize::from(work.pixel)] += work.samples.end;
-                        let count = ends[usize::from(work.pixel)];
-                        errors[usize::from(work.pixel)] = synthetic_error(work.x, work.y, count);
-                    }
-                    delay(&visit);
+                    log.lock().unwrap().push((visit.pass(), visit.tile(), visit.mask()));
+                    let errors = synthetic_errors(&visit);
+                    during(&visit);
                     visit.finish(&errors);
                 }
             });
         }
     });
+    let mut log = log.into_inner().unwrap();
+    log.sort_unstable();
+    log
 }
 
-fn remains(sampling: &AdaptiveSampling) -> Remains {
+fn synthetic_errors(visit: &Visit<'_, '_>) -> [PixelError; TILE_PIXELS] {
+    let mut errors = [PixelError::REJECTED; TILE_PIXELS];
+    let mut counts = [0; TILE_PIXELS];
+    for work in visit.pixels() {
+        let pixel = usize::from(work.pixel);
+        counts[pixel] += work.samples.end;
+        errors[pixel] = synthetic_error(work.x, work.y, counts[pixel]);
+    }
+    errors
+}
+
+fn remains(sampling: &AdaptiveSampling, visits: Vec<(u64, u32, u64)>) -> Remains {
     let counts = |tile| (0..64).map(|p| sampling.counts().pixel(tile, p)).collect();
     let tile = |tile| (counts(tile), sampling.errors(tile), sampling.active_mask(tile));
-    Remains((0..sampling.grid().tiles()).map(tile).collect())
+    Remains { tiles: (0..sampling.grid().tiles()).map(tile).collect(), visits }
 }
 
 fn settings(width: u32, height: u32) -> Settings {
@@ -61,12 +86,12 @@ fn settings(width: u32, height: u32) -> Settings {
 fn run(
     settings: &Settings,
     threads: usize,
-    delay: impl Fn(&Visit<'_, '_>) + Sync,
+    during: impl Fn(&Visit<'_, '_>) + Sync,
 ) -> (AdaptiveSampling, Remains) {
     let sampling = AdaptiveSampling::new(settings.clone()).unwrap();
-    draw(&sampling, threads, delay);
+    let visits = draw(&sampling, threads, during);
     assert!(sampling.is_finished());
-    let remains = remains(&sampling);
+    let remains = remains(&sampling, visits);
     (sampling, remains)
 }
 
@@ -126,4 +151,236 @@ fn same_bits_for_every_policy() {
         let (_, together) = run(&settings, 4, sleepy(5));
         assert!(together == alone, "{policy:?}");
     }
+}
+
+/// A row of four tiles in two regions, whose errors overlap: region 0 also holds tile 2, region 1 also tile 1.
+/// Trees decide from the first pass on.
+fn two_regions() -> Settings {
+    Settings { min_samples: 1, schedule: PassSchedule::new(2, 2, 2), ..settings(32, 8) }
+}
+
+/// Waits for `condition`, or long enough that it would have come true if the protocol let it.
+fn wait_for(condition: impl Fn() -> bool) {
+    let start = Instant::now();
+    while !condition() && start.elapsed() < Duration::from_millis(150) {
+        thread::sleep(Duration::from_micros(50));
+    }
+}
+
+/// The worst timing for overlaps: tile 3 takes so long in its first visit that tile 1, at home in the other
+/// region, could come to write the same plane again.
+fn with_a_slow_corner(fault: Option<Fault>) -> Remains {
+    let sampling = AdaptiveSampling::new(two_regions()).unwrap();
+    let sampling = match fault {
+        Some(fault) => sampling.with_fault(fault),
+        None => sampling,
+    };
+    let visits = draw(&sampling, 8, |visit| {
+        if (visit.tile(), visit.pass()) == (3, 0) {
+            wait_for(|| sampling.protocol.finished_visits(1) > 2);
+        }
+    });
+    remains(&sampling, visits)
+}
+
+#[test]
+fn overlap_tiles_wait_for_the_neighbours_tree() {
+    let (_, alone) = run(&two_regions(), 1, |_| ());
+    assert!(with_a_slow_corner(None) == alone);
+    // Broken on purpose: without the condition for overlaps, tile 1 overwrites the errors that region 1 has not
+    // read yet.
+    assert!(with_a_slow_corner(Some(Fault::ForgetOverlap)) != alone, "the mistake was not caught");
+}
+
+/// Whether a tile was ever drawn by two threads at once, where tile 3 takes its time.
+fn is_drawn_twice_at_once(fault: Option<Fault>) -> bool {
+    let sampling = AdaptiveSampling::new(two_regions()).unwrap();
+    let sampling = match fault {
+        Some(fault) => sampling.with_fault(fault),
+        None => sampling,
+    };
+    let in_flight: [AtomicU32; 4] = Default::default();
+    let twice = AtomicBool::new(false);
+    draw(&sampling, 8, |visit| {
+        let flights = &in_flight[visit.tile() as usize];
+        if flights.fetch_add(1, SeqCst) > 0 {
+            twice.store(true, SeqCst);
+            // Enough was seen, and with this mistake the rest may never end.
+            sampling.stop();
+        }
+        if (visit.tile(), visit.pass()) == (3, 0) {
+            wait_for(|| twice.load(SeqCst));
+        }
+        flights.fetch_sub(1, SeqCst);
+    });
+    twice.into_inner()
+}
+
+#[test]
+fn a_tile_is_drawn_by_one_thread_at_a_time() {
+    assert!(!is_drawn_twice_at_once(None));
+    // Broken on purpose: the next visit does not wait for the one before.
+    assert!(is_drawn_twice_at_once(Some(Fault::ForgetOwnVisit)), "the mistake was not caught");
+}
+
+#[test]
+fn a_tree_announced_before_it_is_made_is_caught() {
+    let settings = Settings { mode: Mode::Deterministic { lag: 1 }, ..two_regions() };
+    let (_, alone) = run(&settings, 1, |_| ());
+    let broken = AdaptiveSampling::new(settings).unwrap().with_fault(Fault::PublishEarly);
+    let visits = draw(&broken, 8, |_| ());
+    assert!(remains(&broken, visits) != alone, "the mistake was not caught");
+}
+
+#[test]
+fn free_running_ends_with_nothing_left_to_draw() {
+    for checks in [Checks::StripedLocks, Checks::Published] {
+        for (threads, width, height) in [(1, 100, 60), (4, 100, 60), (16, 25, 30), (16, 8, 8)] {
+            let mode = Mode::FreeRunning;
+            let settings = Settings { mode, checks, stripes: 8, ..settings(width, height) };
+            let (sampling, Remains { tiles, .. }) = run(&settings, threads, sleepy(9));
+            let left = tiles.iter().flat_map(|(counts, _, mask)| {
+                counts.iter().enumerate().filter(move |(p, c)| mask >> p & 1 == 1 && **c < 400)
+            });
+            assert_eq!(left.count(), 0, "{checks:?}, {threads} threads");
+            // Finished means: the trees are those of the errors that are there.
+            for region in 0..sampling.regions.len() {
+                let masks: Vec<u64> =
+                    sampling.regions.home_tiles(region).map(|t| sampling.active_mask(t)).collect();
+                let again = fresh_masks(&sampling, region);
+                assert!(masks == again, "{checks:?}, {threads} threads, region {region}");
+            }
+        }
+    }
+}
+
+/// The masks of a tree made now.
+fn fresh_masks(sampling: &AdaptiveSampling, region: u32) -> Vec<u64> {
+    let settings = RuleSettings {
+        regions: sampling.regions.clone(),
+        target_error: sampling.settings.target_error,
+        frame_area: f64::from(sampling.settings.width) * f64::from(sampling.settings.height),
+        rebuild: sampling.settings.rebuild,
+    };
+    let mut rule = sampling.settings.policy.rule(&settings, region);
+    rule.update(&sampling.planes[0]);
+    sampling.regions.home_tiles(region).map(|tile| rule.active(tile)).collect()
+}
+
+#[test]
+fn sample_indices_have_no_gaps_and_limits_hold() {
+    let window = PixelRect::new(5, 3, 42, 29);
+    let settings = Settings { crop: Some(window), max_samples: 75, ..settings(50, 40) };
+    let sampling = AdaptiveSampling::new(settings).unwrap();
+    let next = Mutex::new(std::collections::HashMap::new());
+    let visits = draw(&sampling, 4, |visit| {
+        let mut next = next.lock().unwrap();
+        for work in visit.pixels() {
+            assert!(window.contains(work.x, work.y), "{work:?} leaves the crop");
+            let expected = next.insert((work.x, work.y, work.replicate), work.samples.end).unwrap_or(0);
+            assert_eq!(work.samples.start, expected, "{work:?}");
+        }
+    });
+    assert!(!visits.is_empty());
+    let next = next.into_inner().unwrap();
+    let total: u64 = next.values().map(|&end| u64::from(end)).sum();
+    assert_eq!(total, sampling.counts().total());
+    let pixels: Vec<u32> = (window.y0..window.y1)
+        .flat_map(|y| (window.x0..window.x1).map(move |x| (x, y)))
+        .map(|(x, y)| next[&(x, y, 0)] + next[&(x, y, 1)])
+        .collect();
+    assert!(pixels.iter().all(|count| (16..=75).contains(count)));
+    assert!(
+        pixels.contains(&75) && pixels.iter().any(|&count| count < 75),
+        "the limits were put to the test"
+    );
+}
+
+#[test]
+fn uniform_sampling_reaches_exactly_the_maximum() {
+    for (max_samples, replicates) in [(1, 1), (1, 2), (17, 2), (20, 3)] {
+        let settings =
+            Settings { policy: Policy::Uniform, min_samples: 1, max_samples, replicates, ..settings(20, 12) };
+        let (sampling, _) = run(&settings, 3, |_| ());
+        assert_eq!(sampling.counts().total(), 20 * 12 * u64::from(max_samples));
+    }
+}
+
+#[test]
+fn a_stop_ends_every_worker() {
+    for mode in [Mode::default(), Mode::FreeRunning] {
+        let settings = Settings { mode, policy: Policy::Uniform, max_samples: u32::MAX, ..settings(40, 40) };
+        let sampling = AdaptiveSampling::new(settings).unwrap();
+        let visits = AtomicU32::new(0);
+        draw(&sampling, 5, |_| {
+            if visits.fetch_add(1, SeqCst) == 200 {
+                sampling.stop();
+            }
+        });
+        assert_eq!(sampling.outcome(), Some(Outcome::Stopped));
+        assert!(!sampling.is_finished());
+    }
+}
+
+#[test]
+fn an_unfinished_visit_ends_the_sampling() {
+    // Dropped by hand.
+    let sampling = AdaptiveSampling::new(settings(40, 40)).unwrap();
+    drop(sampling.worker().next_visit());
+    assert_eq!(sampling.outcome(), Some(Outcome::Abandoned));
+    assert!(sampling.worker().next_visit().is_none());
+    // By a panic of one of the renderer's threads, while others wait for that tile.
+    let sampling = AdaptiveSampling::new(settings(8, 8)).unwrap();
+    thread::scope(|scope| {
+        let panicking = scope.spawn(|| {
+            let mut worker = sampling.worker();
+            let _visit = worker.next_visit().unwrap();
+            thread::sleep(Duration::from_millis(5));
+            std::panic::resume_unwind(Box::new("the renderer's bug"));
+        });
+        thread::sleep(Duration::from_millis(1));
+        (0..3).for_each(|_| {
+            scope.spawn(|| while sampling.worker().next_visit().is_some() {});
+        });
+        assert!(panicking.join().is_err());
+    });
+    assert_eq!(sampling.outcome(), Some(Outcome::Abandoned));
+}
+
+#[test]
+fn a_worker_between_visits_may_go() {
+    let sampling = AdaptiveSampling::new(settings(60, 40)).unwrap();
+    let (_, alone) = run(&settings(60, 40), 1, |_| ());
+    let mut visits = Vec::new();
+    for _ in 0..50 {
+        let mut worker = sampling.worker();
+        let visit = worker.next_visit().unwrap();
+        visits.push((visit.pass(), visit.tile(), visit.mask()));
+        let errors = synthetic_errors(&visit);
+        visit.finish(&errors);
+    }
+    visits.extend(draw(&sampling, 2, |_| ()));
+    visits.sort_unstable();
+    assert!(remains(&sampling, visits) == alone);
+}
+
+#[test]
+fn bad_settings_are_refused_with_a_reason() {
+    let refused = |change: fn(&mut Settings)| {
+        let mut settings = settings(64, 48);
+        change(&mut settings);
+        AdaptiveSampling::new(settings).err().map(|error| error.to_string()).unwrap_or_default()
+    };
+    assert!(refused(|_| ()).is_empty());
+    assert!(refused(|s| s.width = 0).contains("0x48"));
+    assert!(refused(|s| s.crop = Some(PixelRect::new(0, 0, 65, 4))).contains("0,0,65,4"));
+    assert!(refused(|s| s.crop = Some(PixelRect::new(4, 4, 4, 8))).contains("must hold a pixel"));
+    assert!(refused(|s| s.frame_area = Some(f64::NAN)).contains("frame area"));
+    assert!(refused(|s| s.regions_per_axis = 0).contains("regions"));
+    assert!(refused(|s| s.target_error = 0.0).contains("target error"));
+    assert!(refused(|s| s.max_samples = 8).contains("not less than the minimum, 16"));
+    assert!(refused(|s| s.replicates = 256).contains("256"));
+    assert!(refused(|s| s.replicates = 1).contains("at least 2"));
+    assert!(refused(|s| s.stripes = 12).contains("power of two"));
+    assert!(refused(|s| s.mode = Mode::Deterministic { lag: 3 }).contains("1 or 2 passes, not 3"));
 }

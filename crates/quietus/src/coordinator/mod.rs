@@ -97,9 +97,9 @@ impl AdaptiveSampling {
     }
 
     /// Makes a mistake in the protocol on purpose, for tests that must catch it.
-    #[cfg(test)]
-    fn with_fault(mut self, fault: crate::protocol::Fault) -> Self {
-        self.protocol = self.protocol.with_fault(Some(fault));
+    #[cfg(any(test, loom, shuttle))]
+    pub fn with_fault(mut self, fault: Option<crate::protocol::Fault>) -> Self {
+        self.protocol = self.protocol.with_fault(fault);
         self
     }
 

@@ -170,11 +170,7 @@ fn wait_for(condition: impl Fn() -> bool) {
 /// The worst timing for overlaps: tile 3 takes so long in its first visit that tile 1, at home in the other
 /// region, could come to write the same plane again.
 fn with_a_slow_corner(fault: Option<Fault>) -> Remains {
-    let sampling = AdaptiveSampling::new(two_regions()).unwrap();
-    let sampling = match fault {
-        Some(fault) => sampling.with_fault(fault),
-        None => sampling,
-    };
+    let sampling = AdaptiveSampling::new(two_regions()).unwrap().with_fault(fault);
     let visits = draw(&sampling, 8, |visit| {
         if (visit.tile(), visit.pass()) == (3, 0) {
             wait_for(|| sampling.protocol.finished_visits(1) > 2);
@@ -194,11 +190,7 @@ fn overlap_tiles_wait_for_the_neighbours_tree() {
 
 /// Whether a tile was ever drawn by two threads at once, where tile 3 takes its time.
 fn is_drawn_twice_at_once(fault: Option<Fault>) -> bool {
-    let sampling = AdaptiveSampling::new(two_regions()).unwrap();
-    let sampling = match fault {
-        Some(fault) => sampling.with_fault(fault),
-        None => sampling,
-    };
+    let sampling = AdaptiveSampling::new(two_regions()).unwrap().with_fault(fault);
     let in_flight: [AtomicU32; 4] = Default::default();
     let twice = AtomicBool::new(false);
     draw(&sampling, 8, |visit| {
@@ -227,7 +219,7 @@ fn a_tile_is_drawn_by_one_thread_at_a_time() {
 fn a_tree_announced_before_it_is_made_is_caught() {
     let settings = Settings { mode: Mode::Deterministic { lag: 1 }, ..two_regions() };
     let (_, alone) = run(&settings, 1, |_| ());
-    let broken = AdaptiveSampling::new(settings).unwrap().with_fault(Fault::PublishEarly);
+    let broken = AdaptiveSampling::new(settings).unwrap().with_fault(Some(Fault::PublishEarly));
     let visits = draw(&broken, 8, |_| ());
     assert!(remains(&broken, visits) != alone, "the mistake was not caught");
 }

@@ -100,6 +100,8 @@ pub struct Protocol<R> {
     order: Box<[u32]>,
     next_ticket: CacheLine<AtomicU64>,
     tiles: Box<[Tile]>,
+    /// Regions whose error area holds a tile that is not at home there, tile by tile.
+    overlaps: Box<[u32]>,
     regions: Box<[Region<R>]>,
     /// 0 while running, else an [`Outcome`].
     outcome: CacheLine<AtomicU32>,
@@ -114,8 +116,8 @@ struct Tile {
     /// whose turn it is.
     visits: AtomicU64,
     home: u32,
-    /// Every region whose error area holds the tile, its home among them.
-    containing: Box<[u32]>,
+    /// Where in `Protocol::overlaps` the other regions are whose error area holds the tile; most have none.
+    overlaps: (u32, u32),
 }
 
 #[derive(Debug)]
@@ -146,10 +148,11 @@ impl<R> Protocol<R> {
     pub fn new(mode: Mode, order: Vec<u32>, homes: &[u32], containing: &[Vec<u32>], states: Vec<R>) -> Self {
         let slots = mode.slots();
         assert!(slots > 0, "a deterministic lag is at least 1");
-        let tile = |(&home, containing): (&u32, &Vec<u32>)| Tile {
-            visits: AtomicU64::new(0),
-            home,
-            containing: containing.clone().into(),
+        let mut overlaps = Vec::new();
+        let tile = |(&home, containing): (&u32, &Vec<u32>)| {
+            let start = overlaps.len() as u32;
+            overlaps.extend(containing.iter().filter(|&&region| region != home));
+            Tile { visits: AtomicU64::new(0), home, overlaps: (start, overlaps.len() as u32) }
         };
         let region = |(index, state)| {
             let index = index as u32;
@@ -161,11 +164,13 @@ impl<R> Protocol<R> {
                 updates: CacheLine(Mutex::new(Updates { next: 0, state })),
             }
         };
+        let tiles = homes.iter().zip(containing).map(tile).collect();
         Self {
             mode,
             order: order.into(),
             next_ticket: CacheLine(AtomicU64::new(0)),
-            tiles: homes.iter().zip(containing).map(tile).collect(),
+            tiles,
+            overlaps: overlaps.into(),
             regions: states.into_iter().enumerate().map(region).collect(),
             outcome: CacheLine(AtomicU32::new(0)),
             parked: ParkingLot::new(PARKING_SPOTS),
@@ -227,7 +232,7 @@ impl<R> Protocol<R> {
         let Some(tree) = pass.checked_sub(lag.into()) else { return 0 };
         let tile = &self.tiles[tile as usize];
         let mut idle = 0;
-        for &region in &tile.containing {
+        for region in self.containing(tile) {
             if self.suffers(Fault::ForgetOverlap) && region != tile.home {
                 continue;
             }
@@ -245,7 +250,7 @@ impl<R> Protocol<R> {
         let tile = &self.tiles[turn.tile as usize];
         let slot = self.slot(turn.pass);
         if drew {
-            for &region in &tile.containing {
+            for region in self.containing(tile) {
                 // Release: who sees the flag sees the errors, also where free-running visits come between the
                 // last one out and its update.
                 self.regions[region as usize].drew[slot].store(true, Ordering::Release);
@@ -254,11 +259,18 @@ impl<R> Protocol<R> {
         // Release: pairs with the acquire in `await_own_visit`.
         tile.visits.store((turn.pass + 1) << 1 | u64::from(!drew), Ordering::Release);
         self.parked.unpark(turn.tile as usize);
-        for &region in &tile.containing {
+        for region in self.containing(tile) {
             if self.regions[region as usize].counters[slot].count_visit() {
                 self.last_one_out(region, &mut update);
             }
         }
+    }
+
+    /// Every region whose error area holds the tile, its home first.
+    fn containing(&self, tile: &Tile) -> impl Iterator<Item = u32> {
+        let (start, end) = tile.overlaps;
+        let others = &self.overlaps[start as usize..end as usize];
+        std::iter::once(tile.home).chain(others.iter().copied())
     }
 
     /// Rebuilds a region as often as it is due. In deterministic mode the next pass may have been counted out

@@ -70,6 +70,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let bytes: Vec<u8> =
         (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect();
     let mut out = std::io::stdout().lock();
-    write!(out, "P5 {width} {height} 255\n")?;
+    writeln!(out, "P5 {width} {height} 255")?;
     Ok(out.write_all(&bytes)?)
 }

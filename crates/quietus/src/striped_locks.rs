@@ -130,15 +130,17 @@ mod tests {
 
     #[test]
     fn waiting_readers_are_timed() {
-        let locks = StripedLocks::new(8, || ());
-        let (guards, _) = locks.write_all();
-        std::thread::scope(|scope| {
-            let reader = scope.spawn(|| drop(locks.read(1, 2)));
-            std::thread::sleep(std::time::Duration::from_millis(5));
-            drop(guards);
-            reader.join().unwrap();
-        });
-        // The reader may have come late, but not after the writer had gone: then it would not have waited.
-        assert_eq!(locks.read_wait_nanoseconds() > 0, true);
+        // A reader that comes late does not wait, so it may take more than one try.
+        let has_waited = |_| {
+            let locks = StripedLocks::new(8, || ());
+            let (guards, _) = locks.write_all();
+            std::thread::scope(|scope| {
+                scope.spawn(|| drop(locks.read(1, 2)));
+                std::thread::sleep(std::time::Duration::from_millis(5));
+                drop(guards);
+            });
+            locks.read_wait_nanoseconds() > 0
+        };
+        assert!((0..50).any(has_waited));
     }
 }

@@ -37,7 +37,9 @@ impl Frame {
         if across.length_squared() <= 1e-10 * tangent.length_squared() {
             return Self::from_normal(normal);
         }
-        let tangent = across.normalize();
+        // Once more: a tangent near the normal leaves a remainder of rounding along it.
+        let across = across.normalize();
+        let tangent = (across - normal * normal.dot(across)).normalize();
         Self { tangent, bitangent: normal.cross(tangent), normal }
     }
 
@@ -51,5 +53,32 @@ impl Frame {
     #[inline]
     pub fn to_world(&self, v: Vec3) -> Vec3 {
         v.x * self.tangent + v.y * self.bitangent + v.z * self.normal
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Rng;
+
+    fn assert_orthonormal(f: &Frame) {
+        let lengths = [f.tangent, f.bitangent, f.normal].map(|v| (v.length() - 1.0).abs());
+        let dots = [f.tangent.dot(f.bitangent), f.bitangent.dot(f.normal), f.normal.dot(f.tangent)];
+        assert!(lengths.into_iter().chain(dots).all(|e| e.abs() < 1e-6), "{f:?}");
+        assert!((f.tangent.cross(f.bitangent) - f.normal).length() < 1e-6, "left-handed: {f:?}");
+    }
+
+    #[test]
+    fn frames_are_orthonormal_and_invert() {
+        let mut rng = Rng::new(1);
+        let poles = [Vec3::Z, -Vec3::Z, Vec3::new(1e-4, 0.0, -1.0).normalize(), Vec3::X, -Vec3::Y];
+        for normal in poles.into_iter().chain((0..1000).map(|_| rng.next_direction())) {
+            let v = Vec3::new(0.3, -2.0, 0.7);
+            for tangent in [Vec3::ZERO, normal, -3.0 * normal, Vec3::new(5.0, 0.1, -2.0)] {
+                let frame = Frame::from_normal_tangent(normal, tangent);
+                assert_orthonormal(&frame);
+                assert!((frame.to_world(frame.to_local(v)) - v).length() < 1e-5);
+            }
+        }
     }
 }

@@ -256,10 +256,14 @@ impl Check<'_> {
     fn all(&self) -> Result<(), MaterialError> {
         let m = self.material;
         self.color("emission", &m.emission)?;
-        self.texture("normal map", m.normal_map.map(|(t, _)| t))?;
+        self.normal_map("normal map", m.normal_map)?;
         match &m.alpha {
             Alpha::Opaque => {}
-            Alpha::Mask { value, .. } | Alpha::Blend { value } => self.scalar("alpha", value)?,
+            Alpha::Mask { value, cutoff } => {
+                self.scalar("alpha", value)?;
+                self.range("alpha cutoff", cutoff.is_finite(), "finite", cutoff.to_string())?;
+            }
+            Alpha::Blend { value } => self.scalar("alpha", value)?,
         }
         match &m.surface {
             Surface::Diffuse { reflectance } => self.color("reflectance", reflectance),
@@ -297,7 +301,13 @@ impl Check<'_> {
         self.scalar("transmission", &m.transmission)?;
         self.scalar("clearcoat", &m.clearcoat)?;
         self.scalar("clearcoat roughness", &m.clearcoat_roughness)?;
-        self.texture("clearcoat normal", m.clearcoat_normal.map(|(t, _)| t))
+        self.normal_map("clearcoat normal", m.clearcoat_normal)
+    }
+
+    fn normal_map(&self, field: &'static str, map: Option<(TextureId, f32)>) -> Result<(), MaterialError> {
+        let scale = map.map_or(1.0, |(_, scale)| scale);
+        self.range(field, scale.is_finite(), "scaled by a finite number", scale.to_string())?;
+        self.texture(field, map.map(|(t, _)| t))
     }
 
     fn color(&self, field: &'static str, p: &ColorParam) -> Result<(), MaterialError> {
@@ -340,3 +350,6 @@ impl Check<'_> {
         Err(MaterialError::OutOfRange { material: self.material.name.clone(), field, expected, value })
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -140,3 +140,92 @@ impl ScalarParam {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::Affine2;
+
+    use super::*;
+
+    /// 2x2 texels whose red channel is 0, 1, 2, 3 in reading order.
+    fn numbers(wrap: Wrap, filter: TexelFilter) -> Texture {
+        let texels = Texels::Float((0..4).map(|i| [i as f32, 0.0, 0.0, 1.0]).collect());
+        let image = Arc::new(Image { name: "numbers".into(), width: 2, height: 2, texels });
+        Texture { image, wrap: [wrap; 2], filter, transform: Affine2::IDENTITY, uv_set: 0 }
+    }
+
+    fn red(texture: &Texture, u: f32, v: f32) -> f32 {
+        texture.lookup_uv(Vec2::new(u, v)).x
+    }
+
+    #[test]
+    fn the_origin_is_the_top_left_corner() {
+        let t = numbers(Wrap::Repeat, TexelFilter::Nearest);
+        assert_eq!(
+            [red(&t, 0.1, 0.1), red(&t, 0.9, 0.1), red(&t, 0.1, 0.9), red(&t, 0.9, 0.9)],
+            [0.0, 1.0, 2.0, 3.0]
+        );
+    }
+
+    #[test]
+    fn bilinear_passes_through_texel_centres_and_mixes_between() {
+        let t = numbers(Wrap::Clamp, TexelFilter::Linear);
+        assert_eq!([red(&t, 0.25, 0.25), red(&t, 0.75, 0.25), red(&t, 0.25, 0.75)], [0.0, 1.0, 2.0]);
+        assert_eq!([red(&t, 0.5, 0.25), red(&t, 0.25, 0.5), red(&t, 0.5, 0.5)], [0.5, 1.0, 1.5]);
+    }
+
+    #[test]
+    fn wraps_do_what_they_say() {
+        for (wrap, expected) in [
+            // Texel columns at u = -0.75, -0.25, 0.25, 0.75, 1.25, 1.75, 2.25.
+            (Wrap::Repeat, [0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0]),
+            (Wrap::Mirror, [1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]),
+            (Wrap::Clamp, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]),
+        ] {
+            for filter in [TexelFilter::Nearest, TexelFilter::Linear] {
+                let t = numbers(wrap, filter);
+                let found = [-0.75, -0.25, 0.25, 0.75, 1.25, 1.75, 2.25].map(|u| red(&t, u, 0.25));
+                assert_eq!(found, expected, "{wrap:?} {filter:?}");
+            }
+        }
+        // Across the seam: the mean of both ends, or the end itself.
+        let at_seam = |wrap| red(&numbers(wrap, TexelFilter::Linear), 1.0, 0.25);
+        assert_eq!([at_seam(Wrap::Repeat), at_seam(Wrap::Mirror), at_seam(Wrap::Clamp)], [0.5, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn coordinates_out_of_this_world_are_answered() {
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for filter in [TexelFilter::Nearest, TexelFilter::Linear] {
+                let t = numbers(wrap, filter);
+                for u in
+                    [f32::NAN, f32::INFINITY, -f32::INFINITY, 1e30, -1e30, f32::MAX, -1e-30, 16_777_215.0]
+                {
+                    assert!((0.0..=3.0).contains(&red(&t, u, -u)), "{wrap:?} {filter:?} {u}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_transform_and_the_uv_set_apply() {
+        let mut t = numbers(Wrap::Repeat, TexelFilter::Nearest);
+        t.transform = Affine2::from_translation(Vec2::new(0.5, 0.0));
+        t.uv_set = 1;
+        let point = SurfacePoint { uv: [Vec2::splat(9.9), Vec2::splat(0.25)], color: Vec4::ONE };
+        assert_eq!(t.lookup(&point).x, 1.0);
+    }
+
+    #[test]
+    fn eight_bits_decode_by_their_curves() {
+        let image = |texels| Image { name: "grey".into(), width: 1, height: 1, texels };
+        let srgb = image(Texels::Srgb8(vec![[0, 255, 188, 51]])).texel(0, 0);
+        // 188 is the code of middle grey: ((188 / 255 + 0.055) / 1.055)^2.4.
+        assert_eq!([srgb.x, srgb.y, srgb.w], [0.0, 1.0, 0.2]);
+        assert!((srgb.z - 0.502_886_5).abs() < 1e-6, "{}", srgb.z);
+        let linear = image(Texels::Linear8(vec![[0, 255, 51, 102]])).texel(0, 0);
+        assert_eq!(linear, Vec4::new(0.0, 1.0, 0.2, 0.4));
+    }
+}

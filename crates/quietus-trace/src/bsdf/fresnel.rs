@@ -43,3 +43,51 @@ pub fn schlick_weight(cos: f32) -> f32 {
     let m2 = m * m;
     m2 * m2 * m
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normal_incidence_is_the_textbook_formula() {
+        let (f, cos_t) = dielectric(1.0, 1.5);
+        assert!((f - 0.04).abs() < 1e-7 && cos_t == 1.0);
+        let (n, k) = (Vec3::new(0.2, 1.0, 2.0), Vec3::new(3.0, 0.5, 0.0));
+        let expected = ((n - 1.0) * (n - 1.0) + k * k) / ((n + 1.0) * (n + 1.0) + k * k);
+        assert!((conductor(1.0, n, k) - expected).abs().max_element() < 1e-6);
+    }
+
+    /// From inside glass all light is reflected beyond the critical angle, `sin = 1 / 1.5`; none at Brewster's
+    /// angle, `tan = 1.5`, in the parallel polarisation, which leaves half of the other.
+    #[test]
+    fn critical_and_brewster_angles() {
+        let critical = (1.0f32 - 1.0 / 2.25).sqrt();
+        assert_eq!(dielectric(critical - 1e-4, 1.0 / 1.5), (1.0, 0.0));
+        assert!(dielectric(critical + 1e-4, 1.0 / 1.5).0 < 1.0);
+        let brewster = 1.0 / (1.0f32 + 2.25).sqrt();
+        let r = (1.0 - 2.25) / (1.0 + 2.25);
+        assert!((dielectric(brewster, 1.5).0 - 0.5 * r * r).abs() < 1e-6);
+    }
+
+    /// Light takes the same way back: the reflectance from both sides is the same.
+    #[test]
+    fn reflectance_is_the_same_from_both_sides() {
+        for i in 1..=100 {
+            let cos = i as f32 / 100.0;
+            let (f, cos_t) = dielectric(cos, 1.5);
+            let (back, cos_i) = dielectric(cos_t, 1.0 / 1.5);
+            // The way back takes the root of a difference from 1, which magnifies rounding at grazing angles.
+            let tolerance = 64.0 * f32::EPSILON / cos;
+            assert!((f - back).abs() < tolerance && (cos - cos_i).abs() < tolerance, "{cos}: {f}, {back}");
+        }
+    }
+
+    #[test]
+    fn a_conductor_that_absorbs_nothing_is_a_dielectric() {
+        for i in 0..=100 {
+            let cos = i as f32 / 100.0;
+            let f = conductor(cos, Vec3::splat(1.7), Vec3::ZERO);
+            assert!((f - dielectric(cos, 1.7).0).abs().max_element() < 1e-5, "{cos}: {f}");
+        }
+    }
+}

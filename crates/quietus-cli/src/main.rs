@@ -8,7 +8,6 @@ mod plan;
 mod progress_bar;
 mod render;
 mod report;
-mod say;
 
 use std::process::ExitCode;
 
@@ -26,7 +25,7 @@ fn main() -> ExitCode {
     match outcome {
         Ok(ending) => ending.into(),
         Err(failure) => {
-            say::aside(format_args!("error: {failure}"));
+            eprintln!("error: {failure}");
             failure.ending.into()
         }
     }
@@ -36,7 +35,7 @@ fn run(cli: Cli) -> Result<Ending, Failure> {
     match cli.command {
         Some(Command::Render(args)) => render::run(&args),
         Some(Command::Info { file }) => {
-            say::result(info::describe(&file)?);
+            println!("{}", info::describe(&file)?);
             Ok(Ending::Success)
         }
         None => render::run(&built_in()),

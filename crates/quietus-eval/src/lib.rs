@@ -1,21 +1,31 @@
 //! Honest measurement of sampling policies.
 //!
 //! Samples of a small picture are recorded once into a [`bank`]; any policy is then replayed on them in seconds, so
-//! that policies are compared on identical samples.
-//! The library under test runs as it is: only the tracing is replaced by looking samples up.
+//! that policies are compared on identical samples. The library under test runs as it is: only the tracing is
+//! replaced by looking samples up. What comes out is [`measure`]d against an independent [`Reference`].
 
 pub mod bank;
+pub mod compare;
 mod error;
 mod files;
+pub mod limit;
+pub mod measure;
+mod method;
 mod packed;
 mod picture;
+pub mod reference;
 pub mod replay;
+pub mod report;
 mod runs;
+pub mod statistics;
 mod subject;
+pub mod sweep;
 
 pub use bank::{Bank, BankSpec};
 pub use error::EvalError;
 pub use files::cache_directory;
+pub use method::Method;
 pub use picture::Picture;
+pub use reference::{Reference, ReferenceSpec};
 pub use replay::{Replay, replay};
 pub use subject::{Look, Subject};

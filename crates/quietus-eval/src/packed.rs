@@ -9,7 +9,7 @@ use glam::Vec3;
 pub(crate) const REJECTED: u64 = u64::MAX;
 
 /// Largest radiance that is kept; the film has the same limit.
-const MAX_RADIANCE: f32 = 1e28;
+pub(crate) const MAX_RADIANCE: f32 = 1e28;
 
 const CHANNEL_BITS: u32 = 21;
 const DROPPED_BITS: u32 = 10;

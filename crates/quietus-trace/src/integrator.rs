@@ -276,6 +276,3 @@ fn power_heuristic(own: f32, other: f32) -> f32 {
     let ratio = other / own;
     1.0 / (1.0 + ratio * ratio)
 }
-
-#[cfg(test)]
-mod tests;

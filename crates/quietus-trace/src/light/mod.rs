@@ -10,8 +10,6 @@ mod environment;
 mod punctual;
 mod select;
 mod sphere;
-#[cfg(test)]
-mod tests;
 mod triangle;
 
 use glam::{Vec2, Vec3};

@@ -1,0 +1,64 @@
+//! The policies under comparison, by the names that `quietus render --sampling` has for them.
+
+use quietus::{Mode, Policy, Settings};
+use serde::{Deserialize, Serialize};
+
+/// A way to spread samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// The same number of samples everywhere.
+    Uniform,
+    /// Each 8x8 tile stops on its own error.
+    Tile,
+    /// Blocks that are split and discarded (Dammertz et al. 2010).
+    Dammertz,
+    /// Each pixel stops on its own error.
+    Pixel,
+    /// The talk's tree, drawing bounding rectangles.
+    Talk,
+    /// The talk's tree, consulted and rebuilt whenever threads get there; here one thread.
+    FreeRunning,
+    /// The library's own policy.
+    Quietus,
+}
+
+impl Method {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::Uniform,
+        Self::Tile,
+        Self::Dammertz,
+        Self::Pixel,
+        Self::Talk,
+        Self::FreeRunning,
+        Self::Quietus,
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::Tile => "tile",
+            Self::Dammertz => "dammertz",
+            Self::Pixel => "pixel",
+            Self::Talk => "talk",
+            Self::FreeRunning => "free-running",
+            Self::Quietus => "quietus",
+        }
+    }
+
+    /// `settings` with the policy and mode of this method.
+    pub fn apply(self, settings: &Settings) -> Settings {
+        let policy = match self {
+            Self::Uniform => Policy::Uniform,
+            Self::Tile => Policy::Tile,
+            Self::Dammertz => Policy::Dammertz,
+            Self::Pixel => Policy::Pixel,
+            Self::Talk | Self::FreeRunning => Policy::Talk,
+            Self::Quietus => Policy::Quietus,
+        };
+        let mode = if self == Self::FreeRunning { Mode::FreeRunning } else { settings.mode };
+        Settings { policy, mode, ..settings.clone() }
+    }
+}

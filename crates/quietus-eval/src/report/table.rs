@@ -1,0 +1,108 @@
+//! The table for the terminal.
+
+use std::fmt::Write;
+
+use crate::{
+    compare::{Comparison, ErrorPoint, Point},
+    measure::Measure,
+    statistics::Estimate,
+};
+
+/// Measure of the columns on gain, unless another is asked for: see [`Measure::Weighted`].
+pub const DEFAULT_MEASURE: Measure = Measure::Weighted;
+
+/// Lines of text: limits, then a row for every method at every budget. `measure` is that of the error, the gain and the
+/// share of the limit.
+pub fn table(comparison: &Comparison, measure: Measure) -> String {
+    let mut text = String::new();
+    let (bank, reference) = (&comparison.bank, &comparison.reference);
+    // Writing to a string cannot fail, here and below.
+    let _ = writeln!(
+        text,
+        "{}: {}x{}, {} streams of {} samples; reference of {} spp",
+        bank.scene,
+        bank.look.width,
+        bank.look.height,
+        bank.streams,
+        bank.samples,
+        u64::from(reference.streams) * u64::from(reference.samples)
+    );
+    for curve in &comparison.uniform {
+        let _ = writeln!(
+            text,
+            "  {:<8} uniform error falls as n^-{:.2}; limit of the gain {:.3}",
+            curve.measure.name(),
+            curve.exponent,
+            curve.limit
+        );
+    }
+    let _ = writeln!(
+        text,
+        "{:<13}{:>7}{:>10} {:>10} {:>20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>16} {:>16} {:>18} {:>17} {:>6} {:>7} {:>8}",
+        "method",
+        "spp",
+        "target",
+        format!("{} root", measure.name()),
+        "gain",
+        "share",
+        "display%",
+        "FLIP",
+        "p99.9",
+        "worst",
+        "energy %",
+        "dark fifth %",
+        "worst tile %",
+        "block step edge",
+        "false",
+        "true/t",
+        "re-open"
+    );
+    for point in &comparison.points {
+        row(&mut text, point, measure);
+    }
+    text
+}
+
+fn row(text: &mut String, point: &Point, measure: Measure) {
+    let (Some(error), Some(display)) = (find(point, measure), find(point, Measure::Display)) else { return };
+    let root = |e: &ErrorPoint| e.root.unwrap_or(f64::NAN);
+    let target = point.target_error.map_or_else(|| "-".to_owned(), |t| format!("{t:.2e}"));
+    let gain = format!("{}{}", interval(error.gain, 2), if error.extrapolated { "*" } else { "" });
+    let [blocks, steps, edges] = point.structure.map(|e| e.value);
+    let _ = writeln!(
+        text,
+        "{:<13}{:>7.1}{:>10} {:>10.5} {:>20} {:>7.2} {:>8.3} {:>7.4} {:>7.3} {:>7.3} {:>16} {:>16} {:>18} {:>17} {:>6.2} {:>7.2} {:>8.0}",
+        point.method.name(),
+        point.spp,
+        target,
+        root(error),
+        gain,
+        error.share_of_limit.value,
+        100.0 * root(display),
+        point.flip.value,
+        point.p999,
+        point.worst_tile,
+        percent(point.bias.picture),
+        percent(point.bias.darkest_fifth),
+        percent(point.bias.worst_tile),
+        format!("{blocks:.2} {steps:.2} {edges:.2}"),
+        point.false_stops,
+        point.true_over_target,
+        point.reopened_pixels,
+    );
+}
+
+/// What a point says by a measure.
+pub(crate) fn find(point: &Point, measure: Measure) -> Option<&ErrorPoint> {
+    point.errors.iter().find(|e| e.measure == measure)
+}
+
+/// `value [low, high]`.
+pub(crate) fn interval(e: Estimate, digits: usize) -> String {
+    format!("{:.digits$} [{:.digits$}, {:.digits$}]", e.value, e.low, e.high)
+}
+
+/// `value +- half of the interval`, in percent.
+pub(crate) fn percent(e: Estimate) -> String {
+    format!("{:+.2} +-{:.2}", 100.0 * e.value, 50.0 * (e.high - e.low))
+}

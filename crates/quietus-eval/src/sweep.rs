@@ -1,0 +1,211 @@
+//! The sweep: every method at every budget, many runs each.
+
+use quietus::Settings;
+use rayon::prelude::*;
+
+use crate::{
+    Bank, EvalError, Method, Reference, Replay,
+    measure::{Energy, EnergyMeter, Errors, Stops, Structure, errors, flip, stops, structure},
+    replay,
+    runs::independent_runs,
+};
+
+/// What to compare.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Methods beside uniform sampling, which is always there to compare with.
+    pub methods: Vec<Method>,
+    /// Mean samples per pixel at which methods are compared; the target error of each method is chosen so that it
+    /// takes about as many.
+    pub budgets: Vec<f64>,
+    /// Runs of each method at each budget: at least 2, at most as many as share no sample.
+    pub runs: u64,
+    /// Everything else: least and most samples, regions, mode, replicates. Policy and target are the methods' own.
+    pub settings: Settings,
+}
+
+impl Plan {
+    /// All methods at budgets from 24 to 256 samples per pixel (as far as the bank reaches), with as many runs as
+    /// share no sample, and the library's defaults.
+    pub fn new(bank: &Bank) -> Self {
+        let spec = bank.spec();
+        let mut settings = Settings::new(spec.look.width, spec.look.height);
+        settings.max_samples = settings.max_samples.min(spec.samples * settings.replicates);
+        let reach = f64::from(settings.max_samples) / 2.0;
+        let budgets = [24.0, 32.0, 48.0, 64.0, 96.0, 128.0, 192.0, 256.0];
+        Self {
+            methods: Method::ALL[1..].to_vec(),
+            budgets: budgets.into_iter().filter(|&b| b <= reach).collect(),
+            runs: independent_runs(spec.streams, settings.replicates).into(),
+            settings,
+        }
+    }
+}
+
+/// What one run was found to be.
+#[derive(Clone, Debug)]
+pub struct RunRecord {
+    /// Mean samples of a pixel.
+    pub spp: f64,
+    /// Mean rays of a pixel.
+    pub rays: f64,
+    /// How far the picture is from the reference.
+    pub errors: Errors,
+    /// Mean FLIP.
+    pub flip: f64,
+    /// How bright it is.
+    pub energy: Energy,
+    /// Whether its error knows tiles.
+    pub structure: Structure,
+    /// How well it stopped.
+    pub stops: Stops,
+    /// Pixels that were complete and then active again, counted each time.
+    pub reopened_pixels: u64,
+    /// Regions that were complete and then active again, counted each time.
+    pub reopened_regions: u64,
+}
+
+/// All runs of one method at one budget.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// The method.
+    pub method: Method,
+    /// Samples per pixel asked for.
+    pub budget: f64,
+    /// The target error that takes about as many; none for uniform sampling.
+    pub target_error: Option<f64>,
+    /// Its runs; equal places used the same samples, in all series of a sweep.
+    pub runs: Vec<RunRecord>,
+    /// The first of them whole.
+    pub first: Replay,
+}
+
+impl Series {
+    /// Mean over runs.
+    pub fn mean(&self, value: impl Fn(&RunRecord) -> f64) -> f64 {
+        self.runs.iter().map(value).sum::<f64>() / self.runs.len() as f64
+    }
+}
+
+/// A sweep over one scene: uniform sampling first, then method by method, budgets rising.
+///
+/// # Errors
+/// Where the plan does not fit bank and reference.
+pub fn sweep(bank: &Bank, reference: &Reference, plan: &Plan) -> Result<Vec<Series>, EvalError> {
+    check(bank, reference, plan)?;
+    let meter = EnergyMeter::new(reference);
+    let uniform = uniform_counts(plan).into_iter().map(|n| (Method::Uniform, n));
+    let adaptive = plan.methods.iter().filter(|m| **m != Method::Uniform);
+    let adaptive = adaptive.flat_map(|&m| plan.budgets.iter().map(move |&b| (m, b)));
+    let cells: Vec<(Method, f64)> = uniform.chain(adaptive).collect();
+    cells
+        .into_par_iter()
+        .map(|(method, budget)| series(bank, reference, &meter, plan, method, budget))
+        .collect()
+}
+
+fn check(bank: &Bank, reference: &Reference, plan: &Plan) -> Result<(), EvalError> {
+    let refuse = |message: String| Err(EvalError::Request(message));
+    let (spec, other) = (bank.spec(), &reference.spec);
+    if spec.look != other.look || spec.scene != other.scene {
+        return refuse(format!(
+            "bank and reference do not belong together: {} {:?}, and {} {:?}",
+            spec.scene, spec.look, other.scene, other.look
+        ));
+    }
+    let most = independent_runs(spec.streams, plan.settings.replicates);
+    if plan.runs < 2 || plan.runs > most.into() {
+        return refuse(format!(
+            "{} runs were asked for: confidence intervals need at least 2, and the bank's {} streams hold {most} \
+             that share no sample",
+            plan.runs, spec.streams
+        ));
+    }
+    if plan.budgets.is_empty() {
+        return refuse("no budget was asked for, or none that the bank reaches".to_owned());
+    }
+    let (seeds, streams) = (spec.seed..spec.seed + u64::from(spec.streams), u64::from(other.streams));
+    if (other.seed..other.seed + streams).any(|seed| seeds.contains(&seed)) {
+        return refuse("bank and reference share seeds, so they are not independent".to_owned());
+    }
+    Ok(())
+}
+
+/// Even counts from a quarter of the least budget to all the bank holds, in steps of about the square root of 2.
+fn uniform_counts(plan: &Plan) -> Vec<f64> {
+    let step = f64::from(plan.settings.replicates);
+    let least = plan.budgets.iter().copied().fold(f64::INFINITY, f64::min) / 4.0;
+    let most = f64::from(plan.settings.max_samples);
+    let mut counts = Vec::new();
+    let mut n = least.max(step);
+    while n < most {
+        counts.push((n / step).round() * step);
+        n *= std::f64::consts::SQRT_2;
+    }
+    counts.push(most);
+    counts.dedup();
+    counts
+}
+
+fn series(
+    bank: &Bank,
+    reference: &Reference,
+    meter: &EnergyMeter,
+    plan: &Plan,
+    method: Method,
+    budget: f64,
+) -> Result<Series, EvalError> {
+    let mut settings = method.apply(&plan.settings);
+    let target_error = if method == Method::Uniform {
+        settings.max_samples = budget as u32;
+        settings.min_samples = settings.min_samples.min(settings.max_samples);
+        None
+    } else {
+        settings.target_error = find_target(bank, &settings, budget)?;
+        Some(settings.target_error)
+    };
+    let replays: Vec<Replay> =
+        (0..plan.runs).into_par_iter().map(|run| replay(bank, &settings, run)).collect::<Result<_, _>>()?;
+    let runs = replays.par_iter().map(|r| record(r, reference, meter, &settings)).collect();
+    let first = replays.into_iter().next();
+    let first = first.ok_or_else(|| EvalError::Request("a series without runs".to_owned()))?;
+    Ok(Series { method, budget, target_error, runs, first })
+}
+
+fn record(replay: &Replay, reference: &Reference, meter: &EnergyMeter, settings: &Settings) -> RunRecord {
+    RunRecord {
+        spp: replay.samples_per_pixel(),
+        rays: replay.rays / replay.counts.len() as f64,
+        errors: errors(&replay.picture, reference),
+        flip: flip(&replay.picture, &reference.mean),
+        energy: meter.measure(&replay.picture),
+        structure: structure(&replay.picture, reference),
+        stops: stops(replay, reference, settings),
+        reopened_pixels: replay.statistics.reopened_pixels,
+        reopened_regions: replay.statistics.reopened_regions,
+    }
+}
+
+/// Halvings of the logarithm of the target: the range of 14 decades shrinks to 1e-4 of a decade.
+const HALVINGS: u32 = 17;
+
+/// The target error at which the first run takes `budget` samples per pixel, as closely as can be found by halving.
+///
+/// Where the budget is out of reach it is the end of the range, and the series says what it took.
+///
+/// # Errors
+/// As [`replay`].
+pub fn find_target(bank: &Bank, settings: &Settings, budget: f64) -> Result<f64, EvalError> {
+    let (mut low, mut high) = (-10.0_f64, 4.0_f64);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        let tried = Settings { target_error: 10.0_f64.powf(middle), ..settings.clone() };
+        let spp = replay(bank, &tried, 0)?.samples_per_pixel();
+        if (spp / budget - 1.0).abs() < 0.005 {
+            return Ok(tried.target_error);
+        }
+        // A larger error is reached with fewer samples.
+        if spp > budget { low = middle } else { high = middle }
+    }
+    Ok(10.0_f64.powf(0.5 * (low + high)))
+}

@@ -80,7 +80,7 @@ extern "C" fn count_bytes(_: *mut c_void, bytes: isize, _post: bool) -> bool {
 }
 
 /// The library and a device.
-pub struct Embree {
+pub(crate) struct Embree {
     /// Never unloaded: its worker threads may still be on their way out when the device is gone.
     library: &'static Library,
     device: Handle,
@@ -88,7 +88,7 @@ pub struct Embree {
 
 impl Embree {
     /// With that many threads for building.
-    pub fn new(threads: usize) -> Result<Self, libloading::Error> {
+    pub(crate) fn new(threads: usize) -> Result<Self, libloading::Error> {
         // SAFETY: Embree's initialisers are sound to run, and the signatures below are those of its header.
         unsafe {
             let library: &Library = Box::leak(Box::new(Library::new("libembree3.so.3")?));
@@ -112,7 +112,7 @@ impl Embree {
     }
 
     /// A scene of one mesh, built in the medium quality, which is the default.
-    pub fn scene<'a>(&'a self, mesh: &'a Mesh, robust: bool) -> Scene<'a> {
+    pub(crate) fn scene<'a>(&'a self, mesh: &'a Mesh, robust: bool) -> Scene<'a> {
         type Make = unsafe extern "C" fn(Handle) -> Handle;
         type Share = unsafe extern "C" fn(Handle, c_int, c_uint, c_int, *const c_void, usize, usize, usize);
         let before = BYTES.load(Ordering::Relaxed);
@@ -154,19 +154,19 @@ impl Embree {
 }
 
 /// A built scene.
-pub struct Scene<'a> {
+pub(crate) struct Scene<'a> {
     embree: &'a Embree,
     scene: Handle,
     closest: Query,
     occluded: Query,
-    pub build_seconds: f64,
-    pub bytes: isize,
+    pub(crate) build_seconds: f64,
+    pub(crate) bytes: isize,
     _positions: Vec<Vec3>,
 }
 
 impl Scene<'_> {
     /// Traces all rays and returns how many hit.
-    pub fn count_hits(&self, rays: &[Ray], shadow: bool) -> usize {
+    pub(crate) fn count_hits(&self, rays: &[Ray], shadow: bool) -> usize {
         let mut context = Context { flags: 0, filter: null_mut(), instance: NOTHING, room: [0; 15] };
         let trace = |ray: &&Ray| {
             let mut hit = RayHit::new(ray);

@@ -26,8 +26,8 @@
 //! places a boundary of its own with [`Isa::outline`], as the ray kernel does. The pattern is that of the
 //! crate `pulp`.
 //!
-//! Both levels do the same arithmetic: rustc never contracts `a * b + c`, and the kernel fuses only where
-//! rounding cannot change its result. A picture does not depend on the level.
+//! Both levels do the same arithmetic: rustc never contracts `a * b + c`, and neither do the operations of
+//! [`Isa`]. A picture does not depend on the level.
 
 use std::fmt;
 
@@ -61,14 +61,12 @@ pub trait Isa: Copy + Send + Sync + fmt::Debug + sealed::Sealed {
     fn add(self, a: Self::F32x8, b: Self::F32x8) -> Self::F32x8;
     /// `a - b`.
     fn sub(self, a: Self::F32x8, b: Self::F32x8) -> Self::F32x8;
-    /// `a * b`, rounded.
+    /// `a * b`.
     fn mul(self, a: Self::F32x8, b: Self::F32x8) -> Self::F32x8;
     /// `a / b`.
     fn div(self, a: Self::F32x8, b: Self::F32x8) -> Self::F32x8;
     /// Square root.
     fn sqrt(self, a: Self::F32x8) -> Self::F32x8;
-    /// `a * b + c`, rounded once **or** twice: only where both are right.
-    fn mul_add_relaxed(self, a: Self::F32x8, b: Self::F32x8, c: Self::F32x8) -> Self::F32x8;
     /// The lesser; `b` where they don't compare.
     fn min(self, a: Self::F32x8, b: Self::F32x8) -> Self::F32x8;
     /// The greater; `b` where they don't compare.
@@ -85,6 +83,9 @@ pub trait Isa: Copy + Send + Sync + fmt::Debug + sealed::Sealed {
     fn le(self, a: Self::F32x8, b: Self::F32x8) -> u32;
     /// Bit i is set where `a < b` in lane i; never where they don't compare.
     fn lt(self, a: Self::F32x8, b: Self::F32x8) -> u32;
+
+    /// Hints that `place` will be read soon.
+    fn prefetch<T>(self, place: &T);
 
     /// Runs `job` in a function of its own that is compiled with these instructions and never inlined.
     fn outline<J: Job>(self, job: J) -> J::Output;

@@ -10,26 +10,26 @@ use quietus_trace::geometry::{offset_ray_origin, triangle};
 use quietus_trace::isa::{Isa, Job, Level};
 
 /// A mesh to trace rays in.
-pub struct Scene {
-    pub name: &'static str,
-    pub mesh: Arc<Mesh>,
+pub(crate) struct Scene {
+    pub(crate) name: &'static str,
+    pub(crate) mesh: Arc<Mesh>,
     /// Where the camera stands and looks at.
-    pub camera: [Vec3; 2],
+    pub(crate) camera: [Vec3; 2],
     /// Corner and edges of the parallelogram that shadow rays are aimed at.
-    pub light: [Vec3; 3],
+    pub(crate) light: [Vec3; 3],
 }
 
 /// Rays of one kind.
-pub struct Rays {
-    pub kind: &'static str,
-    pub rays: Vec<Ray>,
+pub(crate) struct Rays {
+    pub(crate) kind: &'static str,
+    pub(crate) rays: Vec<Ray>,
     /// Whether they only ask whether there is a hit.
-    pub shadow: bool,
+    pub(crate) shadow: bool,
 }
 
 impl Scene {
     /// An icosphere of 1.31 million triangles with bumps of several sizes, seen from outside.
-    pub fn lump() -> Self {
+    pub(crate) fn lump() -> Self {
         let mut builder = Builder::default();
         builder.lump(Vec3::ZERO, 1.0, 8, 1.0);
         Self {
@@ -41,7 +41,7 @@ impl Scene {
     }
 
     /// A hall with two storeys of fluted columns, arches, curtains, statues and plants, open above.
-    pub fn atrium() -> Self {
+    pub(crate) fn atrium() -> Self {
         let mut builder = Builder::default();
         builder.hall();
         for storey in 0..2 {
@@ -72,21 +72,21 @@ impl Scene {
     }
 
     /// What [`Accel::build`] takes.
-    pub fn objects(&self) -> ([Object; 1], [Instance; 1]) {
+    pub(crate) fn objects(&self) -> ([Object; 1], [Instance; 1]) {
         let geometry = Geometry::Mesh(self.mesh.clone());
         let shape = Shape { geometry, material: MaterialId(0) };
         let object = Object { name: self.name.into(), shapes: vec![shape] };
         ([object], [Instance { object: ObjectId(0), to_world: Affine3A::IDENTITY }])
     }
 
-    pub fn build(&self) -> Accel {
+    pub(crate) fn build(&self) -> Accel {
         let (objects, instances) = self.objects();
         Accel::build(&objects, &instances, |_| true)
     }
 
     /// Primary rays of a picture, diffuse bounces off what they meet and what those meet, and shadow rays from
     /// what the primary rays meet.
-    pub fn rays(&self, accel: &Accel, width: u32, height: u32) -> [Rays; 4] {
+    pub(crate) fn rays(&self, accel: &Accel, width: u32, height: u32) -> [Rays; 4] {
         let mut random = Random(1);
         let primary = self.primary(width, height);
         let hits = trace(accel, &primary);
@@ -154,7 +154,7 @@ fn ray(origin: Vec3, direction: Vec3, t_max: f32) -> Ray {
 }
 
 /// What each ray meets.
-pub fn trace(accel: &Accel, rays: &[Ray]) -> Vec<Option<Hit>> {
+pub(crate) fn trace(accel: &Accel, rays: &[Ray]) -> Vec<Option<Hit>> {
     struct Trace<'a>(&'a Accel, &'a [Ray]);
 
     impl Job for Trace<'_> {
@@ -170,7 +170,7 @@ pub fn trace(accel: &Accel, rays: &[Ray]) -> Vec<Option<Hit>> {
 }
 
 /// Traces all rays and returns how many hit.
-pub fn count_hits(accel: &Accel, rays: &Rays) -> usize {
+pub(crate) fn count_hits(accel: &Accel, rays: &Rays) -> usize {
     struct Count<'a>(&'a Accel, &'a Rays);
 
     impl Job for Count<'_> {

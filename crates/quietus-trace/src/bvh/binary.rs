@@ -5,10 +5,12 @@
 //! for each node the cheapest way to represent it by at most 1, 2, .. 7 roots of wide subtrees (Ylitie, Karras
 //! and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", section 3.1).
 
+use std::mem::MaybeUninit;
+
 use glam::{Vec4, Vec4Swizzles};
 use rayon::prelude::*;
 
-use super::Bounds;
+use super::{Bounds, memory};
 
 /// Children of a wide node.
 pub(super) const WIDTH: usize = 8;
@@ -23,7 +25,7 @@ const STOP: usize = 4;
 const BINS: usize = 16;
 /// Depth from which ranges are halved instead, which bounds the depth to this plus the logarithm of their size.
 const SAH_DEPTH: u32 = 64;
-/// No tree is deeper: at `SAH_DEPTH` at most 2^32 primitives are left.
+/// No tree is deeper: telling three kinds apart and halving 2^31 primitives until leaves take 30 levels or so.
 pub(super) const MAX_DEPTH: usize = SAH_DEPTH as usize + 32;
 /// Ranges larger than this are worth a task of their own.
 const TASK: usize = 4096;
@@ -145,8 +147,7 @@ impl Extent {
     }
 }
 
-/// A node of the binary tree. A subtree over n items owns `2 n - 1` consecutive nodes: its root, then those
-/// of the left, then those of the right child. Leaves leave theirs unused.
+/// A node of the binary tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
     pub(super) bounds: Bounds,
@@ -158,8 +159,6 @@ pub(super) struct Node {
 }
 
 impl Node {
-    pub(super) const EMPTY: Self = Self { bounds: Bounds::EMPTY, count: 0, left_count: 0, plan: Plan(1) };
-
     /// Whether the wide tree has a leaf here.
     pub(super) fn is_leaf(&self) -> bool {
         self.plan.is_leaf()
@@ -195,21 +194,41 @@ pub(super) struct Subtree {
     pub(super) node: usize,
 }
 
-/// Sorts `items` into the order of the tree's leaves and returns its nodes, the root first.
-pub(super) fn build(items: &mut [Item]) -> Vec<Node> {
-    if items.is_empty() {
-        return Vec::new();
-    }
-    let mut nodes = vec![Node::EMPTY; 2 * items.len() - 1];
-    let extent = Extent::of(items);
-    build_range(items, &mut nodes, extent, 0);
-    nodes
+/// A binary tree.
+pub(super) struct Tree {
+    /// A subtree over n items owns `2 n - 1` consecutive nodes: its root, then those of the left, then those of
+    /// the right child. Leaves leave theirs but the first unwritten, and the memory behind them untouched.
+    nodes: Vec<MaybeUninit<Node>>,
 }
 
-/// The roots of the wide subtrees below a wide node at `subtree`, left to right.
-pub(super) fn wide_children(nodes: &[Node], subtree: Subtree, mut each: impl FnMut(Subtree)) {
-    fn descend(nodes: &[Node], at: Subtree, mut roots: usize, each: &mut impl FnMut(Subtree)) {
-        let node = &nodes[at.node];
+impl Tree {
+    /// Sorts `items`, of which there is at least one, into the order of the tree's leaves.
+    pub(super) fn build(items: &mut [Item]) -> Self {
+        let len = 2 * items.len() - 1;
+        let mut nodes = Vec::with_capacity(len);
+        memory::prefer_huge_pages(nodes.spare_capacity_mut());
+        // SAFETY: the capacity is there, and elements that may be uninitialised need no initialising.
+        unsafe { nodes.set_len(len) };
+        let extent = Extent::of(items);
+        let mut scratch = Bins::EMPTY;
+        build_range(items, &mut nodes, extent, 0, &mut scratch);
+        Self { nodes }
+    }
+
+    /// The root of a subtree.
+    pub(super) fn node(&self, at: Subtree) -> &Node {
+        // SAFETY: a `Subtree` is the whole tree or comes from `wide_children`, which descends from written nodes
+        // to their children: `build_range` writes the first of every range it is given.
+        unsafe { self.nodes[at.node].assume_init_ref() }
+    }
+
+    /// The roots of the wide subtrees below a wide node, left to right.
+    pub(super) fn wide_children(&self, at: Subtree, mut each: impl FnMut(Subtree)) {
+        self.descend(at, WIDTH, &mut each);
+    }
+
+    fn descend(&self, at: Subtree, mut roots: usize, each: &mut impl FnMut(Subtree)) {
+        let node = self.node(at);
         while roots > 1 && node.plan.left_roots(roots) == 0 {
             roots -= 1;
         }
@@ -220,31 +239,42 @@ pub(super) fn wide_children(nodes: &[Node], subtree: Subtree, mut each: impl FnM
         let left_count = node.left_count as usize;
         let left = Subtree { item: at.item, node: at.node + 1 };
         let right = Subtree { item: at.item + left_count, node: at.node + 2 * left_count };
-        descend(nodes, left, left_roots, each);
-        descend(nodes, right, roots - left_roots, each);
+        self.descend(left, left_roots, each);
+        self.descend(right, roots - left_roots, each);
     }
-    descend(nodes, subtree, WIDTH, &mut each);
 }
 
-fn build_range(items: &mut [Item], nodes: &mut [Node], extent: Extent, depth: u32) -> Costs {
+fn build_range(
+    items: &mut [Item],
+    nodes: &mut [MaybeUninit<Node>],
+    extent: Extent,
+    depth: u32,
+    scratch: &mut Bins,
+) -> Costs {
     let count = items.len();
     let uniform = count <= LEAF && items.iter().all(|i| i.kind() == items[0].kind());
     let may_be_leaf = uniform && (items[0].kind() != Kind::Instance || count == 1);
     let bounds = extent.boxes.bounds();
     let leaf_cost = extent.boxes.area() * BLOCK_COST;
     if may_be_leaf && count <= STOP {
-        nodes[0] = Node { bounds, count: count as u32, left_count: 0, plan: Plan(1) };
+        nodes[0].write(Node { bounds, count: count as u32, left_count: 0, plan: Plan(1) });
         return [leaf_cost; WIDTH - 1];
     }
-    let (middle, left_extent, right_extent) = partition(items, &extent, depth);
+    let (middle, left_extent, right_extent) = partition(items, &extent, depth, scratch);
     let (left_items, right_items) = items.split_at_mut(middle);
     let (left_nodes, right_nodes) = nodes[1..].split_at_mut(2 * middle - 1);
-    let mut left = || build_range(left_items, left_nodes, left_extent, depth + 1);
-    let mut right = || build_range(right_items, right_nodes, right_extent, depth + 1);
-    let (left, right) = if count > TASK { rayon::join(left, right) } else { (left(), right()) };
+    let mut left = |scratch: &mut Bins| build_range(left_items, left_nodes, left_extent, depth + 1, scratch);
+    let mut right =
+        |scratch: &mut Bins| build_range(right_items, right_nodes, right_extent, depth + 1, scratch);
+    let (left, right) = if count > TASK {
+        let mut other = Bins::EMPTY;
+        rayon::join(|| left(scratch), || right(&mut other))
+    } else {
+        (left(scratch), right(scratch))
+    };
     let leaf_cost = if may_be_leaf { leaf_cost } else { f32::INFINITY };
     let (plan, costs) = combine(&left, &right, extent.boxes.area(), leaf_cost);
-    nodes[0] = Node { bounds, count: count as u32, left_count: middle as u32, plan };
+    nodes[0].write(Node { bounds, count: count as u32, left_count: middle as u32, plan });
     costs
 }
 
@@ -274,9 +304,9 @@ fn combine(left: &Costs, right: &Costs, area: f32, leaf_cost: f32) -> (Plan, Cos
 }
 
 /// Splits a range of at least 2 items into two that are not empty.
-fn partition(items: &mut [Item], extent: &Extent, depth: u32) -> (usize, Extent, Extent) {
+fn partition(items: &mut [Item], extent: &Extent, depth: u32, scratch: &mut Bins) -> (usize, Extent, Extent) {
     if depth < SAH_DEPTH
-        && let Some(split) = find_split(items, extent)
+        && let Some(split) = find_split(items, extent, scratch)
     {
         let parts = partition_at(items, &split);
         if parts.0 > 0 && parts.0 < items.len() {
@@ -308,17 +338,29 @@ impl Binning {
     fn new(centers: &Box4, count: usize) -> Self {
         let bins = BINS.min(4 + count / 16);
         let size = centers.max - centers.min;
-        // Just below the number of bins, so that the greatest centroid falls into the last one.
-        let scale = Vec4::splat(bins as f32 * 0.9999) / size;
+        // Rounded to nearest, the least centroid falls into the first bin and the greatest into the last.
+        let scale = Vec4::splat((bins - 1) as f32) / size;
         let flat = size.cmple(Vec4::splat(f32::MIN_POSITIVE));
         Self { offset: centers.min, scale: Vec4::select(flat, Vec4::ZERO, scale), bins }
     }
 
     #[inline(always)]
-    fn bin(&self, item: &Item) -> [usize; 3] {
-        let b = ((item.center() - self.offset) * self.scale).as_ivec4();
-        // Clamped: with centroids of huge magnitude the difference may overflow.
-        [b.x, b.y, b.z].map(|b| (b.max(0) as usize).min(self.bins - 1))
+    fn bin(&self, item: &Item, axis: usize) -> usize {
+        /// From here on floats are integers: a sum's last bits are the rounded addend.
+        const MAGIC: f32 = 8_388_608.0;
+        let center = item.min[axis] + item.max[axis];
+        let b = (center - self.offset[axis]) * self.scale[axis] + MAGIC;
+        // Masked, for centroids of such magnitude that differences overflow.
+        b.to_bits() as usize & (BINS - 1)
+    }
+
+    /// As [`Binning::bin`], for all axes at once.
+    #[inline(always)]
+    fn bins(&self, item: &Item) -> [usize; 3] {
+        const MAGIC: Vec4 = Vec4::splat(8_388_608.0);
+        let b = (item.center() - self.offset) * self.scale + MAGIC;
+        let mask = BINS - 1;
+        [b.x.to_bits() as usize & mask, b.y.to_bits() as usize & mask, b.z.to_bits() as usize & mask]
     }
 }
 
@@ -338,18 +380,22 @@ struct Bins {
 impl Bins {
     const EMPTY: Self = Self { boxes: [[Box4::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
 
-    fn of(items: &[Item], binning: &Binning) -> Self {
-        let mut bins = Self::EMPTY;
+    /// Fills the bins that `binning` uses.
+    fn fill(&mut self, items: &[Item], binning: &Binning) {
+        self.boxes[..binning.bins].fill([Box4::EMPTY; 3]);
+        self.counts[..binning.bins].fill([0; 3]);
         for item in items {
-            let bin = binning.bin(item);
-            for axis in 0..3 {
-                // The bins' number is at most BINS, so this masks nothing but a bounds check.
-                let b = bin[axis] & (BINS - 1);
-                bins.boxes[b][axis] = bins.boxes[b][axis].with(item.min, item.max);
-                bins.counts[b][axis] += 1;
-            }
+            let [x, y, z] = binning.bins(item);
+            self.add(x, 0, item);
+            self.add(y, 1, item);
+            self.add(z, 2, item);
         }
-        bins
+    }
+
+    #[inline(always)]
+    fn add(&mut self, bin: usize, axis: usize, item: &Item) {
+        self.boxes[bin][axis] = self.boxes[bin][axis].with(item.min, item.max);
+        self.counts[bin][axis] += 1;
     }
 
     fn merge(mut self, other: Self) -> Self {
@@ -363,40 +409,56 @@ impl Bins {
     }
 }
 
-/// The split of least area times number of blocks, None where all centroids share a bin on every axis.
-fn find_split(items: &[Item], extent: &Extent) -> Option<Split> {
-    let binning = Binning::new(&extent.centers, items.len());
-    let bins = if items.len() > PARALLEL_BINNING {
-        let parts = items.par_chunks(PARALLEL_BINNING / 4).map(|part| Bins::of(part, &binning));
-        parts.reduce(|| Bins::EMPTY, Bins::merge)
-    } else {
-        Bins::of(items, &binning)
-    };
-    let mut best: Option<Split> = None;
-    let mut best_cost = f32::INFINITY;
-    for axis in 0..3 {
+/// A split before a bin, and what it costs.
+#[derive(Clone, Copy)]
+struct Candidate {
+    cost: f32,
+    axis: usize,
+    bin: usize,
+}
+
+impl Bins {
+    /// The cheapest split on one axis, or `best` where none is cheaper.
+    fn best(&self, axis: usize, used: usize, mut best: Candidate) -> Candidate {
         let mut right_cost = [0.0; BINS];
         let (mut boxes, mut count) = (Box4::EMPTY, 0);
-        for bin in (1..binning.bins).rev() {
-            boxes = boxes.union(bins.boxes[bin][axis]);
-            count += bins.counts[bin][axis];
+        for bin in (1..used).rev() {
+            boxes = boxes.union(self.boxes[bin][axis]);
+            count += self.counts[bin][axis];
             right_cost[bin] = if count == 0 { f32::INFINITY } else { boxes.area() * blocks(count) };
         }
         (boxes, count) = (Box4::EMPTY, 0);
-        for bin in 1..binning.bins {
-            boxes = boxes.union(bins.boxes[bin - 1][axis]);
-            count += bins.counts[bin - 1][axis];
-            if count == 0 {
-                continue;
-            }
-            let cost = boxes.area() * blocks(count) + right_cost[bin];
-            if cost < best_cost {
-                best_cost = cost;
-                best = Some(Split { binning, axis, bin });
+        for (bin, right_cost) in right_cost.iter().enumerate().take(used).skip(1) {
+            boxes = boxes.union(self.boxes[bin - 1][axis]);
+            count += self.counts[bin - 1][axis];
+            let cost = boxes.area() * blocks(count) + right_cost;
+            if count > 0 && cost < best.cost {
+                best = Candidate { cost, axis, bin };
             }
         }
+        best
     }
-    best
+}
+
+/// The split of least area times number of blocks, None where all centroids share a bin on every axis.
+fn find_split(items: &[Item], extent: &Extent, bins: &mut Bins) -> Option<Split> {
+    let binning = Binning::new(&extent.centers, items.len());
+    let mut best = Candidate { cost: f32::INFINITY, axis: 0, bin: 0 };
+    if items.len() > PARALLEL_BINNING {
+        let parts = items.par_chunks(PARALLEL_BINNING / 4).map(|part| {
+            let mut bins = Bins::EMPTY;
+            bins.fill(part, &binning);
+            bins
+        });
+        *bins = parts.reduce(|| Bins::EMPTY, Bins::merge);
+    } else {
+        bins.fill(items, &binning);
+    }
+    for axis in 0..3 {
+        best = bins.best(axis, binning.bins, best);
+    }
+    let Candidate { cost, axis, bin } = best;
+    (cost < f32::INFINITY).then_some(Split { binning, axis, bin })
 }
 
 /// What a number of items weighs: half blocks, since blocks are rarely full.
@@ -406,7 +468,7 @@ fn blocks(count: u32) -> f32 {
 
 /// Reorders `items`: left of the split first. Returns their number and both extents.
 fn partition_at(items: &mut [Item], split: &Split) -> (usize, Extent, Extent) {
-    let is_left = |item: &Item| split.binning.bin(item)[split.axis] < split.bin;
+    let is_left = |item: &Item| split.binning.bin(item, split.axis) < split.bin;
     let (mut left, mut right) = (Extent::EMPTY, Extent::EMPTY);
     let (mut i, mut j) = (0, items.len());
     loop {

@@ -3,7 +3,7 @@
 //! [`Accel`] is an 8-wide tree over all triangles and spheres of the world, with one more such tree for each
 //! object that several instances share: `source` lists their primitives, `binary` decides their shape, `wide`
 //! writes them out, `traverse` is the ray kernel. It is watertight: no ray slips between triangles that share
-//! an edge. What a ray meets does not depend on the tree, nor on the instruction set.
+//! an edge. What a ray meets does not depend on the instruction set, nor, rounding aside, on the tree.
 
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 
@@ -11,6 +11,7 @@ use crate::desc::{Geometry, Instance, MaterialId, Object};
 use crate::isa::Isa;
 
 mod binary;
+mod memory;
 mod source;
 #[cfg(test)]
 mod tests;

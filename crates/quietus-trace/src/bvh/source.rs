@@ -32,10 +32,17 @@ pub(super) struct Placed<'a> {
 
 impl Placed<'_> {
     fn vertices(&self, mesh: &Mesh, primitive: usize) -> [Vec3; 3] {
-        mesh.triangles[primitive].map(|i| {
-            let p = mesh.positions[i as usize];
-            self.transform.map_or(p, |m| m.transform_point3(p))
-        })
+        let [a, b, c] = mesh.triangles[primitive];
+        [self.vertex(mesh, a), self.vertex(mesh, b), self.vertex(mesh, c)]
+    }
+
+    #[inline(always)]
+    fn vertex(&self, mesh: &Mesh, index: u32) -> Vec3 {
+        let p = mesh.positions[index as usize];
+        match &self.transform {
+            Some(transform) => transform.transform_point3(p),
+            None => p,
+        }
     }
 
     /// In the tree's space, where the transform is a similarity.

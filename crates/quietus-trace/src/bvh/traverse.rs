@@ -175,7 +175,8 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
         let mut link = self.accel.root;
         loop {
             if let Some(node) = link.as_node() {
-                let node = &self.accel.store.nodes[node];
+                // SAFETY: links come from roots and nodes of this store.
+                let node = unsafe { self.accel.store.node(node) };
                 let (mask, t) = ray.children(isa, node, t_min, t_max);
                 if mask != 0 {
                     link = stack.push_children(&node.links, mask, &isa.store(t));
@@ -185,16 +186,17 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
                 let (kind, index) = link.as_leaf();
                 let found = match kind {
                     Kind::Triangle => {
-                        let block = &self.accel.store.triangles[index];
+                        // SAFETY: as for nodes.
+                        let block = unsafe { self.accel.store.triangles(index) };
                         match block.intersect(isa, &ray.sheared, t_min, t_max) {
-                            Some(found) => self.accept(&mut best, instance, &found, block.ids()),
+                            Some(found) => self.accept(isa, &mut best, instance, &found, block.ids()),
                             None => false,
                         }
                     }
                     Kind::Sphere => {
                         let block = &self.accel.store.spheres[index];
                         match block.intersect(isa, local.0, local.1, (t_min, t_max)) {
-                            Some(found) => self.accept(&mut best, instance, &found, block.ids()),
+                            Some(found) => self.accept(isa, &mut best, instance, &found, block.ids()),
                             None => false,
                         }
                     }
@@ -241,7 +243,14 @@ fn into(to_object: &Affine3A, origin: Vec3, direction: Vec3) -> (Vec3, Vec3) {
 impl<F: FnMut(&Hit) -> bool, const ANY: bool> Query<'_, F, ANY> {
     /// Takes what is nearer than the best so far, and says whether something was.
     #[inline(always)]
-    fn accept(&mut self, best: &mut Best, instance: u32, found: &Candidates, ids: &[u32; BLOCK]) -> bool {
+    fn accept<I: Isa>(
+        &mut self,
+        isa: I,
+        best: &mut Best,
+        instance: u32,
+        found: &Candidates,
+        ids: &[u32; BLOCK],
+    ) -> bool {
         let mut mask = found.mask;
         let mut any = false;
         while mask != 0 {
@@ -257,6 +266,8 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Query<'_, F, ANY> {
                 continue;
             }
             *best = candidate;
+            // Its miss passes behind the rest of the traversal.
+            isa.prefetch(&self.accel.references[(id & !FILTERED) as usize]);
             any = true;
             if ANY {
                 break;

@@ -2,8 +2,8 @@
 
 use std::mem::MaybeUninit;
 
-use super::Bounds;
-use super::binary::{self, Item, Kind, Subtree, WIDTH};
+use super::binary::{Item, Kind, Subtree, Tree, WIDTH};
+use super::{Bounds, memory};
 use crate::geometry::sphere::SphereBlock;
 use crate::geometry::triangle::TriangleBlock;
 use crate::isa::Lanes;
@@ -119,7 +119,7 @@ struct Census {
 
 struct Emitter<'a, L> {
     items: &'a [Item],
-    nodes: &'a [binary::Node],
+    tree: &'a Tree,
     leaves: &'a L,
 }
 
@@ -147,15 +147,33 @@ impl<'a> Output<'a> {
 }
 
 impl Store {
+    /// # Safety
+    /// `index` must come from a link of this store.
+    #[inline(always)]
+    pub(super) unsafe fn node(&self, index: usize) -> &Node {
+        debug_assert!(index < self.nodes.len());
+        // SAFETY: links lead to what `append` has written, and nothing is ever removed.
+        unsafe { self.nodes.get_unchecked(index) }
+    }
+
+    /// # Safety
+    /// `index` must come from a link of this store to triangles.
+    #[inline(always)]
+    pub(super) unsafe fn triangles(&self, index: usize) -> &TriangleBlock {
+        debug_assert!(index < self.triangles.len());
+        // SAFETY: links lead to what `append` has written, and nothing is ever removed.
+        unsafe { self.triangles.get_unchecked(index) }
+    }
+
     /// Builds a tree over `items` and appends it. Returns its root and bounds.
     pub(super) fn append<L: Leaves>(&mut self, items: &mut [Item], leaves: &L) -> (Link, Bounds) {
         let root = Link::node(self.nodes.len());
-        let nodes = binary::build(items);
-        if nodes.is_empty() {
+        if items.is_empty() {
             self.nodes.push(Node::EMPTY);
             return (root, Bounds::EMPTY);
         }
-        let emitter = Emitter { items, nodes: &nodes, leaves };
+        let tree = Tree::build(items);
+        let emitter = Emitter { items, tree: &tree, leaves };
         let census = emitter.census(Subtree::default());
         let counts = census.counts;
         let base =
@@ -169,6 +187,9 @@ impl Store {
             triangles: &mut self.triangles.spare_capacity_mut()[..counts.triangles],
             spheres: &mut self.spheres.spare_capacity_mut()[..counts.spheres],
         };
+        memory::prefer_huge_pages(output.nodes);
+        memory::prefer_huge_pages(output.triangles);
+        memory::prefer_huge_pages(output.spheres);
         emitter.emit(Subtree::default(), &census, output);
         // SAFETY: `emit` has written every element of its output: it splits it exactly by the census, down to
         // single elements, and panics where elements are left over.
@@ -177,7 +198,7 @@ impl Store {
             self.triangles.set_len(base.triangles + counts.triangles);
             self.spheres.set_len(base.spheres + counts.spheres);
         }
-        (root, nodes[0].bounds)
+        (root, tree.node(Subtree::default()).bounds)
     }
 }
 
@@ -185,7 +206,7 @@ impl<L: Leaves> Emitter<'_, L> {
     fn children(&self, at: Subtree) -> ([Subtree; WIDTH], usize) {
         let mut children = [Subtree::default(); WIDTH];
         let mut len = 0;
-        binary::wide_children(self.nodes, at, |child| {
+        self.tree.wide_children(at, |child| {
             children[len] = child;
             len += 1;
         });
@@ -193,14 +214,14 @@ impl<L: Leaves> Emitter<'_, L> {
     }
 
     fn leaf_kind(&self, at: Subtree) -> Option<Kind> {
-        self.nodes[at.node].is_leaf().then(|| self.items[at.item].kind())
+        self.tree.node(at).is_leaf().then(|| self.items[at.item].kind())
     }
 
     /// Counts the subtree of a wide node.
     fn census(&self, at: Subtree) -> Census {
         let (children, len) = self.children(at);
         let mut census = Census { counts: Counts { nodes: 1, ..Counts::default() }, children: Vec::new() };
-        if self.nodes[at.node].count > TASK {
+        if self.tree.node(at).count > TASK {
             use rayon::prelude::*;
             census.children = children[..len].par_iter().map(|&child| self.child_census(child)).collect();
             for child in &census.children {
@@ -238,8 +259,8 @@ impl<L: Leaves> Emitter<'_, L> {
         rayon::scope(|scope| {
             for (lane, (&child, census)) in children[..len].iter().zip(&census.children).enumerate() {
                 let mut part = output.take(&census.counts);
-                let bounds = &self.nodes[child.node].bounds;
-                if self.nodes[child.node].is_leaf() {
+                let bounds = &self.tree.node(child).bounds;
+                if self.tree.node(child).is_leaf() {
                     node.set(lane, bounds, self.emit_leaf(child, &mut part));
                 } else {
                     node.set(lane, bounds, Link::node(part.base.nodes));
@@ -258,19 +279,19 @@ impl<L: Leaves> Emitter<'_, L> {
         let (children, len) = self.children(at);
         let mut node = Node::EMPTY;
         for (lane, &child) in children[..len].iter().enumerate() {
-            let link = if self.nodes[child.node].is_leaf() {
+            let link = if self.tree.node(child).is_leaf() {
                 self.emit_leaf(child, output)
             } else {
                 self.emit_serial(child, output)
             };
-            node.set(lane, &self.nodes[child.node].bounds, link);
+            node.set(lane, &self.tree.node(child).bounds, link);
         }
         own.nodes[0].write(node);
         Link::node(own.base.nodes)
     }
 
     fn emit_leaf(&self, at: Subtree, output: &mut Output<'_>) -> Link {
-        let items = &self.items[at.item..][..self.nodes[at.node].count as usize];
+        let items = &self.items[at.item..][..self.tree.node(at).count as usize];
         let kind = items[0].kind();
         match kind {
             Kind::Triangle => {

@@ -80,11 +80,6 @@ impl Isa for Avx2 {
     }
 
     #[inline(always)]
-    fn mul_add_relaxed(self, a: __m256, b: __m256, c: __m256) -> __m256 {
-        avx2!(_mm256_fmadd_ps(a, b, c))
-    }
-
-    #[inline(always)]
     fn min(self, a: __m256, b: __m256) -> __m256 {
         avx2!(_mm256_min_ps(a, b))
     }
@@ -107,6 +102,11 @@ impl Isa for Avx2 {
     #[inline(always)]
     fn lt(self, a: __m256, b: __m256) -> u32 {
         avx2!(_mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(a, b))) as u32
+    }
+
+    #[inline(always)]
+    fn prefetch<T>(self, place: &T) {
+        avx2!(_mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(place).cast()))
     }
 
     #[inline(always)]

@@ -62,12 +62,6 @@ impl Isa for Portable {
     }
 
     #[inline(always)]
-    fn mul_add_relaxed(self, a: Lanes, b: Lanes, c: Lanes) -> Lanes {
-        // Not f32::mul_add: without the instruction it is a call into the C library.
-        Lanes(std::array::from_fn(|i| a.0[i] * b.0[i] + c.0[i]))
-    }
-
-    #[inline(always)]
     fn min(self, a: Lanes, b: Lanes) -> Lanes {
         zip(a, b, |a, b| if a < b { a } else { b })
     }
@@ -91,6 +85,9 @@ impl Isa for Portable {
     fn lt(self, a: Lanes, b: Lanes) -> u32 {
         mask(a, b, |a, b| a < b)
     }
+
+    #[inline(always)]
+    fn prefetch<T>(self, _place: &T) {}
 
     #[inline(never)]
     fn outline<J: Job>(self, job: J) -> J::Output {

@@ -43,7 +43,7 @@ pub(crate) struct RenderArgs {
     #[arg(short, long, value_name = "FILE", default_values = ["quietus.png", "quietus.exr"])]
     pub output: Vec<PathBuf>,
 
-    /// Size of the full frame in pixels. Default: the longer side 1280, in the shape the camera asks for (16:9
+    /// Size of the full frame in pixels. Default: the longer side 960, in the shape the camera asks for (16:9
     /// where it asks for none).
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
@@ -65,7 +65,7 @@ pub(crate) struct RenderArgs {
     pub sampling: Option<SamplingArg>,
 
     /// Region error to stop at, in the library's units: smaller is cleaner and slower.
-    /// [default: 0.0002; not with uniform]
+    /// [default: 0.002; not with uniform]
     #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = parse_error)]
     pub target_error: Option<f64>,
 
@@ -193,7 +193,7 @@ fn parse_window(text: &str) -> Result<Window, String> {
 fn parse_error(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(error) if error.is_finite() && error > 0.0 => Ok(error),
-        _ => Err("expected a number above 0, such as 0.0002".to_owned()),
+        _ => Err("expected a number above 0, such as 0.002".to_owned()),
     }
 }
 

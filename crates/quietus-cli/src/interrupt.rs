@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Ending, Failure};
+use crate::say;
 
 /// Watches for Ctrl-C from here on and returns the flag that the first one sets.
 ///
@@ -18,7 +19,7 @@ pub(crate) fn watch() -> Result<Arc<AtomicBool>, Failure> {
             quietus_film::remove_unfinished();
             std::process::exit(Ending::Interrupted.code().into());
         }
-        eprintln!("\nstopping; the picture so far will be written (Ctrl-C again quits at once)");
+        say::aside("\nstopping; the picture so far will be written (Ctrl-C again quits at once)");
     };
     ctrlc::set_handler(handler)
         .map_err(|error| Failure::internal(format!("cannot watch for Ctrl-C: {error}")))?;

@@ -8,6 +8,7 @@ mod plan;
 mod progress_bar;
 mod render;
 mod report;
+mod say;
 
 use std::process::ExitCode;
 
@@ -25,7 +26,7 @@ fn main() -> ExitCode {
     match outcome {
         Ok(ending) => ending.into(),
         Err(failure) => {
-            eprintln!("error: {failure}");
+            say::aside(format_args!("error: {failure}"));
             failure.ending.into()
         }
     }
@@ -35,7 +36,7 @@ fn run(cli: Cli) -> Result<Ending, Failure> {
     match cli.command {
         Some(Command::Render(args)) => render::run(&args),
         Some(Command::Info { file }) => {
-            println!("{}", info::describe(&file)?);
+            say::result(info::describe(&file)?);
             Ok(Ending::Success)
         }
         None => render::run(&built_in()),

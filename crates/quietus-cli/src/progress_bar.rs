@@ -9,15 +9,26 @@ use quietus_render::Progress;
 /// Steps of the bar: a tenth of a percent each.
 const STEPS: u64 = 1000;
 
+/// What the bar shows the share of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Measure {
+    /// Pixels that are done.
+    Converged,
+    /// So many samples.
+    Samples(f64),
+    /// So much time.
+    Time(Duration),
+}
+
 /// A bar on stderr.
 pub(crate) struct Bar {
     bar: ProgressBar,
-    uniform_samples: Option<f64>,
+    measure: Measure,
 }
 
 impl Bar {
-    /// A bar that shows the converged share or, for uniform sampling, the share of `uniform_samples` drawn.
-    pub(crate) fn new(uniform_samples: Option<f64>) -> Self {
+    /// An empty bar.
+    pub(crate) fn new(measure: Measure) -> Self {
         let target = match std::io::stderr().is_terminal() {
             true => ProgressDrawTarget::stderr_with_hz(10),
             false => ProgressDrawTarget::hidden(),
@@ -26,14 +37,15 @@ impl Bar {
         if let Ok(style) = ProgressStyle::with_template("{wide_bar:.cyan/blue} {msg}") {
             bar.set_style(style);
         }
-        Self { bar, uniform_samples }
+        Self { bar, measure }
     }
 
     /// Shows `progress`.
     pub(crate) fn update(&self, progress: &Progress) {
-        let (share, what) = match self.uniform_samples {
-            Some(all) => (progress.samples as f64 / all, "drawn"),
-            None => (progress.converged_fraction, "converged"),
+        let (share, what) = match self.measure {
+            Measure::Converged => (progress.converged_fraction, "converged"),
+            Measure::Samples(all) => (progress.samples as f64 / all, "drawn"),
+            Measure::Time(all) => (progress.elapsed.as_secs_f64() / all.as_secs_f64(), "of the time"),
         };
         self.bar.set_position((share.clamp(0.0, 1.0) * STEPS as f64) as u64);
         self.bar.set_message(line(progress, share, what));

@@ -17,8 +17,9 @@ use crate::args::RenderArgs;
 use crate::error::{Ending, Failure};
 use crate::interrupt;
 use crate::plan::{Plan, filter};
-use crate::progress_bar::Bar;
+use crate::progress_bar::{Bar, Measure};
 use crate::report::{Settings, name, write_stats};
+use crate::say;
 
 /// Everything a render needs, loaded and checked.
 struct Ready {
@@ -40,7 +41,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Ending, Failure> {
     let rendered = draw(args, &ready, &cancel)?;
     warn_of_rejected(&rendered.film.rejected(), args.seed);
     write(args, &plan, &ready, &rendered)?;
-    println!("{}", summary(&plan, &rendered));
+    say::result(summary(&plan, &rendered));
     Ok(match rendered.stopped_by {
         StoppedBy::Cancelled => Ending::Interrupted,
         StoppedBy::Done | StoppedBy::TimeLimit => Ending::Success,
@@ -70,7 +71,7 @@ fn load(args: &RenderArgs) -> Result<SceneDesc, Failure> {
         Some(path) => {
             let loaded = quietus_scene::load(path)?;
             for warning in &loaded.warnings {
-                eprintln!("warning: {}: {warning}", path.display());
+                say::aside(format_args!("warning: {}: {warning}", path.display()));
             }
             loaded.scene
         }
@@ -96,8 +97,7 @@ fn pick_camera<'a>(scene: &'a SceneDesc, name: Option<&str>) -> Result<&'a Camer
 fn draw(args: &RenderArgs, ready: &Ready, cancel: &AtomicBool) -> Result<Rendered, Failure> {
     let tracer = PathTracer { scene: &ready.scene, view: &ready.view };
     let settings = &ready.settings;
-    let all = settings.window.pixels() as f64 * f64::from(settings.max_samples);
-    let bar = Bar::new((settings.sampling == Sampling::Uniform).then_some(all));
+    let bar = Bar::new(measure(settings));
     let mut progress = |progress: &_| bar.update(progress);
     let outcome = render(&tracer, settings, &mut Control { cancel, progress: &mut progress });
     bar.clear();
@@ -105,6 +105,17 @@ fn draw(args: &RenderArgs, ready: &Ready, cancel: &AtomicBool) -> Result<Rendere
         RenderError::Panicked(fault) => Failure::internal(fault_message(args, settings, &fault)),
         other => other.into(),
     })
+}
+
+/// What comes closest to the share of the work done.
+fn measure(settings: &RenderSettings) -> Measure {
+    match (settings.sampling, settings.time_limit) {
+        (Sampling::Uniform, Some(limit)) if settings.max_samples == u32::MAX => Measure::Time(limit),
+        (Sampling::Uniform, _) => {
+            Measure::Samples(settings.window.pixels() as f64 * f64::from(settings.max_samples))
+        }
+        _ => Measure::Converged,
+    }
 }
 
 /// Names the sample that panicked, and the command that draws its pixel alone up to that sample. Replicates take
@@ -129,6 +140,7 @@ fn fault_message(args: &RenderArgs, settings: &RenderSettings, fault: &Fault) ->
     flag("--filter ", name(args.filter));
     flag("--seed ", args.seed.to_string());
     flag("--threads ", "1".to_owned());
+    flag("-o ", "replay.exr".to_owned());
     format!(
         "the tracer panicked at pixel ({x}, {y}), replicate {replicate}, sample {index}, seed {}: {message}\n\
          this draws the pixel alone: {}",
@@ -150,10 +162,13 @@ fn warn_of_rejected(rejected: &RejectedSamples, seed: u64) {
     if rejected.count() == 0 {
         return;
     }
-    eprintln!("warning: {} samples were not finite and left out; the first ones:", rejected.count());
+    say::aside(format_args!(
+        "warning: {} samples were not finite and left out; the first ones:",
+        rejected.count()
+    ));
     for sample in rejected.first() {
         let (x, y, replicate, index) = (sample.x, sample.y, sample.replicate, sample.index);
-        eprintln!("  pixel ({x}, {y}), replicate {replicate}, sample {index}, seed {seed}");
+        say::aside(format_args!("  pixel ({x}, {y}), replicate {replicate}, sample {index}, seed {seed}"));
     }
 }
 
@@ -203,4 +218,58 @@ fn summary(plan: &Plan, rendered: &Rendered) -> String {
         text.push_str(&format!("\nwrote {}", shown.display()));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+    use quietus_film::Window;
+
+    use super::*;
+    use crate::args::{Cli, Command};
+
+    fn parse(words: &[&str]) -> RenderArgs {
+        match Cli::try_parse_from(words).unwrap().command {
+            Some(Command::Render(args)) => *args,
+            other => panic!("not a render: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_panic_comes_with_the_command_that_draws_its_pixel_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("a.png");
+        let args = parse(&[
+            "quietus",
+            "render",
+            "my scene.glb",
+            "--seed",
+            "42",
+            "--max-depth",
+            "5",
+            "--filter",
+            "box",
+            "-o",
+            out.to_str().unwrap(),
+        ]);
+        let camera = quietus_scene::embedded().cameras.remove(0);
+        let settings = Plan::new(&args).unwrap().settings(&args, &camera).unwrap();
+        let fault = Fault { x: 7, y: 9, replicate: 1, index: 20, message: "oh".to_owned() };
+        let message = fault_message(&args, &settings, &fault);
+        let expected = "the tracer panicked at pixel (7, 9), replicate 1, sample 20, seed 42: oh\n\
+                        this draws the pixel alone: quietus render 'my scene.glb' --size 960x540 --crop 7,9,8,10 \
+                        --spp 42 --max-depth 5 --filter box --seed 42 --threads 1 -o replay.exr";
+        assert_eq!(message, expected);
+        let command = message.rsplit(": ").next().unwrap().replace("'my scene.glb'", "scene.glb");
+        let replay = parse(&command.split(' ').collect::<Vec<_>>());
+        assert_eq!(replay.crop, Some(Window { x0: 7, y0: 9, x1: 8, y1: 10 }));
+        assert_eq!((replay.spp, replay.seed, replay.filter), (Some(42), 42, args.filter));
+    }
+
+    #[test]
+    fn names_are_quoted_for_the_shell_where_needed() {
+        assert_eq!(quoted("a/b-1.glb"), "a/b-1.glb");
+        assert_eq!(quoted("it's"), r"'it'\''s'");
+        assert_eq!(quoted(""), "''");
+    }
 }

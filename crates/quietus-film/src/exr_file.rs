@@ -26,9 +26,11 @@ const PREFIX: &str = "quietus.";
 /// # Errors
 /// When the file cannot be written; `path` is then as it was.
 pub fn write_exr(path: &Path, picture: &Picture, metadata: &Metadata) -> Result<(), OutputError> {
-    let mut attributes = LayerAttributes::default();
-    attributes.layer_position = Vec2(picture.window.x0 as i32, picture.window.y0 as i32);
-    attributes.software_name = Some(text(concat!("quietus ", env!("CARGO_PKG_VERSION"))));
+    let mut attributes = LayerAttributes {
+        layer_position: Vec2(picture.window.x0 as i32, picture.window.y0 as i32),
+        software_name: Some(text(concat!("quietus ", env!("CARGO_PKG_VERSION")))),
+        ..LayerAttributes::default()
+    };
     for (name, value) in metadata {
         attributes.other.insert(text(&format!("{PREFIX}{name}")), AttributeValue::Text(text(value)));
     }

@@ -1,5 +1,6 @@
 //! Files that appear whole or not at all.
 
+use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -96,7 +97,7 @@ pub fn remove_unfinished() {
 /// Creates a new file in the directory of `path`: only there is a rename atomic.
 fn create_beside(path: &Path) -> Result<(Temporary, File), OutputError> {
     let failed = |source| OutputError::Write { path: path.to_owned(), source };
-    let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+    let Some(name) = path.file_name() else {
         return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file")));
     };
     match fs::metadata(path) {
@@ -109,7 +110,10 @@ fn create_beside(path: &Path) -> Result<(Temporary, File), OutputError> {
     }
     let mut number = 0;
     loop {
-        let beside = path.with_file_name(format!(".{name}.{}-{number}.part", std::process::id()));
+        let mut hidden = OsString::from(".");
+        hidden.push(name);
+        hidden.push(format!(".{}-{number}.part", std::process::id()));
+        let beside = path.with_file_name(hidden);
         match OpenOptions::new().write(true).create_new(true).open(&beside) {
             Ok(file) => {
                 unfinished().push(beside.clone());

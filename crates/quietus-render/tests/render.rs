@@ -91,6 +91,23 @@ fn the_picture_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
+fn the_machinery_does_not_show_in_the_picture() {
+    use quietus::{Checks, Rebuild};
+    let of = |checks, rebuild| {
+        let machinery = Machinery { checks, rebuild, ..Machinery::default() };
+        picture(&RenderSettings { machinery, ..settings(75, 41, Sampling::Quietus) })
+    };
+    let fast = of(Checks::Published, Rebuild::SummedArea);
+    for (checks, rebuild) in [
+        (Checks::Published, Rebuild::Resummed),
+        (Checks::StripedLocks, Rebuild::SummedArea),
+        (Checks::StripedLocks, Rebuild::Resummed),
+    ] {
+        assert!(of(checks, rebuild) == fast, "{checks:?}, {rebuild:?}");
+    }
+}
+
+#[test]
 fn adaptive_sampling_goes_where_the_noise_is() {
     for sampling in ADAPTIVE.into_iter().chain([Sampling::FreeRunning]) {
         let rendered = draw(&Func(noise), &settings(96, 40, sampling)).unwrap();

@@ -74,6 +74,17 @@ fn the_added_camera_sees_every_corner() {
     }
 }
 
+/// The added camera goes where it sees fronts.
+#[test]
+fn the_added_camera_looks_past_backs() {
+    let direction = |document: &Value| read_ok(document).scene.cameras[0].to_world.matrix3.z_axis;
+    let mut document = triangle();
+    assert!(direction(&document).x > 0.1, "a front is seen from the right");
+    // A quarter turn: the triangle's front looks to -x.
+    document["nodes"][0]["rotation"] = json!([0, -0.5_f32.sqrt(), 0, 0.5_f32.sqrt()]);
+    assert!(direction(&document).x < -0.1, "a front that looks to the left is seen from the left");
+}
+
 #[test]
 fn strips_and_fans() {
     let corners = [0., 0., 0., 1., 0., 0., 0., 1., 0., 1., 1., 0., 0., 2., 0.];

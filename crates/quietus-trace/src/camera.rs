@@ -129,3 +129,78 @@ fn is_rigid(transform: &Affine3A) -> bool {
     let gram = m.transpose() * m - glam::Mat3A::IDENTITY;
     transform.is_finite() && gram.to_cols_array().iter().all(|entry| entry.abs() < RIGID_TOLERANCE)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Rng;
+    use crate::warp;
+    use glam::{Mat3, Quat};
+
+    fn described(lens_radius: f32) -> desc::Camera {
+        let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, -1.2, 0.5);
+        desc::Camera {
+            name: "test".into(),
+            to_world: Affine3A::from_mat3_translation(Mat3::from_quat(turn), Vec3::new(1.0, 2.0, 3.0)),
+            fov_y: 0.8,
+            aspect: None,
+            lens_radius,
+            focus_distance: 2.5,
+        }
+    }
+
+    /// The corners of the frame lie at the tangent of half the angle of view, right is right and up is up.
+    #[test]
+    fn pinhole_rays_span_the_angle_of_view() {
+        let described = described(0.0);
+        let camera = Camera::new(&described, 300, 200).expect("a sound camera");
+        let to_camera = described.to_world.inverse();
+        let tangent = 0.4_f32.tan();
+        for (film, expected) in [
+            (Vec2::ZERO, Vec2::new(-1.5 * tangent, tangent)),
+            (Vec2::new(300.0, 0.0), Vec2::new(1.5 * tangent, tangent)),
+            (Vec2::new(150.0, 200.0), Vec2::new(0.0, -tangent)),
+        ] {
+            let ray = camera.ray(film, Vec2::ZERO);
+            assert_eq!(ray.origin, Vec3::new(1.0, 2.0, 3.0));
+            let local = to_camera.transform_vector3(ray.direction);
+            assert!((local.truncate() / -local.z - expected).length() < 1e-5, "{film}: {local}");
+            assert!((ray.axis_cosine + local.z).abs() < 1e-6);
+        }
+    }
+
+    /// Whatever part of the lens a ray leaves from, it passes the same point of the plane in focus.
+    #[test]
+    fn lens_rays_meet_in_the_plane_of_focus() {
+        let pinhole = Camera::new(&described(0.0), 300, 200).expect("a sound camera");
+        let lens = Camera::new(&described(0.2), 300, 200).expect("a sound camera");
+        let mut rng = Rng::new(1);
+        for _ in 0..1000 {
+            let film = rng.next_2d() * Vec2::new(300.0, 200.0);
+            let at_focus =
+                |ray: CameraRay, start: f32| ray.origin + ray.direction * (start / ray.axis_cosine);
+            let sharp = at_focus(pinhole.ray(film, Vec2::ZERO), 2.5);
+            let ray = lens.ray(film, warp::disk(rng.next_2d()));
+            assert!(ray.origin.distance(Vec3::new(1.0, 2.0, 3.0)) <= 0.2 * 1.0001);
+            assert!(at_focus(ray, 2.5).distance(sharp) < 1e-5, "{film}");
+        }
+    }
+
+    #[test]
+    fn cameras_that_make_no_sense_are_refused() {
+        let sound = described(0.0);
+        let refuse = |camera: &desc::Camera| Camera::new(camera, 4, 4).expect_err("must be refused");
+        assert_eq!(Camera::new(&sound, 0, 4).expect_err("no pixels"), CameraError::EmptyFrame(0, 4));
+        for fov_y in [0.0, -1.0, f32::NAN, 3.2] {
+            let error = refuse(&desc::Camera { fov_y, ..sound.clone() });
+            assert!(matches!(error, CameraError::FieldOfView { .. }), "{error}");
+        }
+        for (lens_radius, focus_distance) in [(-1.0, 1.0), (0.1, 0.0), (f32::NAN, 1.0), (0.1, f32::INFINITY)]
+        {
+            let error = refuse(&desc::Camera { lens_radius, focus_distance, ..sound.clone() });
+            assert!(matches!(error, CameraError::Lens { .. }), "{error}");
+        }
+        let scaled = desc::Camera { to_world: Affine3A::from_scale(Vec3::splat(2.0)), ..sound };
+        assert!(matches!(refuse(&scaled), CameraError::Transform { .. }));
+    }
+}

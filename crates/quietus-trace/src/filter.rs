@@ -122,3 +122,49 @@ impl FilterSampler {
         (cell as f32 + t) / CELLS as f32
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Rng, Suite, chi_square};
+
+    /// Positions fall into bins as the integral of the filter says, along both axes.
+    #[test]
+    fn filters_are_sampled_with_their_weight() {
+        const SAMPLES: usize = 200_000;
+        const BINS: usize = 60;
+        let mut suite = Suite::new(6);
+        for filter in [Filter::Box, Filter::Gaussian, Filter::BlackmanHarris] {
+            let sampler = FilterSampler::new(filter);
+            let radius = f64::from(filter.radius());
+            let bin_integral = |bin: usize| -> f64 {
+                let place =
+                    |i: usize| (2.0 * (bin as f64 + (i as f64 + 0.5) / 64.0) / BINS as f64 - 1.0) * radius;
+                (0..64).map(|i| f64::from(filter.weight(place(i) as f32))).sum()
+            };
+            let integrals: Vec<f64> = (0..BINS).map(bin_integral).collect();
+            let total: f64 = integrals.iter().sum();
+            let expected: Vec<f64> = integrals.iter().map(|w| w / total * SAMPLES as f64).collect();
+            let mut rng = Rng::new(2);
+            let mut observed = [[0u64; BINS]; 2];
+            for _ in 0..SAMPLES {
+                let place = sampler.sample(rng.next_2d());
+                for axis in 0..2 {
+                    let bin = (f64::from(place[axis]) / radius + 1.0) * 0.5 * BINS as f64;
+                    observed[axis][(bin as usize).min(BINS - 1)] += 1;
+                }
+            }
+            for (axis, observed) in observed.iter().enumerate() {
+                suite.judge(chi_square(observed, &expected), format_args!("{filter:?}, axis {axis}"));
+            }
+        }
+    }
+
+    #[test]
+    fn filters_end_at_their_radius() {
+        for filter in [Filter::Gaussian, Filter::BlackmanHarris] {
+            assert!(filter.weight(filter.radius()) < 1e-4 * filter.weight(0.0), "{filter:?}");
+            assert_eq!(filter.weight(1.001 * filter.radius()), 0.0);
+        }
+    }
+}

@@ -276,3 +276,6 @@ fn power_heuristic(own: f32, other: f32) -> f32 {
     let ratio = other / own;
     1.0 / (1.0 + ratio * ratio)
 }
+
+#[cfg(test)]
+mod tests;

@@ -101,6 +101,12 @@ impl Mean {
         mean
     }
 
+    /// Of `n` values, given their sum and the sum of their squares.
+    pub(crate) fn from_sums(n: usize, sum: f64, squares: f64) -> Self {
+        let (n, mean) = (n as f64, sum / n as f64);
+        Self { n, mean, m2: (squares - n * mean * mean).max(0.0) }
+    }
+
     /// Takes in one value.
     pub(crate) fn push(&mut self, x: f64) {
         self.n += 1.0;

@@ -52,7 +52,8 @@ fn complete(document: &Document<'_>, scene: &mut SceneDesc) {
             document.warn("scenes", "there is nothing to draw: no triangles are placed in the scene");
         }
         document.warn("cameras", "the scene has no camera: one that frames it is added");
-        scene.cameras.push(framing::frame(bounds.unwrap_or([Vec3::NEG_ONE, Vec3::ONE])));
+        let camera = framing::frame(scene, bounds.unwrap_or([Vec3::NEG_ONE, Vec3::ONE]));
+        scene.cameras.push(camera);
     }
     let placed =
         scene.instances.iter().flat_map(|instance| &scene.objects[instance.object.0 as usize].shapes);

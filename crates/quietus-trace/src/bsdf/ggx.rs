@@ -4,9 +4,11 @@
 //! Masking-Shadowing Function in Microfacet-Based BRDFs"); visible normals by Dupuy and Benyoub 2023 ("Sampling
 //! Visible GGX Normals with Spherical Caps").
 
-use std::f32::consts::{FRAC_1_PI, TAU};
+use std::f32::consts::FRAC_1_PI;
 
 use glam::{Vec2, Vec3};
+
+use crate::warp::sin_cos_turns;
 
 /// Below this `alpha` a surface counts as perfectly smooth. The lobe is then less than a tenth of a degree wide,
 /// and the density at its peak, `1 / (pi alpha^2)`, beyond 3e5: rounding of directions to `f32` (1e-7) begins to
@@ -62,7 +64,7 @@ impl Ggx {
     #[inline]
     pub fn sample_visible(&self, wo: Vec3, u: Vec2) -> Vec3 {
         let stretched = Vec3::new(wo.x * self.alpha, wo.y * self.alpha, wo.z).normalize();
-        let (sin_phi, cos_phi) = (TAU * u.x).sin_cos();
+        let (sin_phi, cos_phi) = sin_cos_turns(u.x);
         let z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;
         let radius = (1.0 - z * z).max(0.0).sqrt();
         let h = Vec3::new(radius * cos_phi, radius * sin_phi, z) + stretched;

@@ -10,6 +10,8 @@ mod environment;
 mod punctual;
 mod select;
 mod sphere;
+#[cfg(test)]
+mod tests;
 mod triangle;
 
 use glam::{Vec2, Vec3};

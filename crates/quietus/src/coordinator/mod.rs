@@ -51,7 +51,7 @@ pub struct AdaptiveSampling {
 /// When the picture is finished.
 enum FinishRule {
     QuietPasses(PassLedger),
-    AtRest(Quiescence),
+    AtRest(Box<Quiescence>),
 }
 
 impl AdaptiveSampling {
@@ -80,7 +80,7 @@ impl AdaptiveSampling {
         let states = (0..).zip(rules).map(|(r, rule)| Region::new(&regions, r, rule)).collect();
         let finish = match settings.mode {
             Mode::Deterministic { lag } => FinishRule::QuietPasses(PassLedger::new(regions.len(), lag)),
-            Mode::FreeRunning => FinishRule::AtRest(Quiescence::new(regions.len())),
+            Mode::FreeRunning => FinishRule::AtRest(Box::new(Quiescence::new(regions.len()))),
         };
         Ok(Self {
             protocol: Protocol::new(settings.mode, morton_order(&grid), &homes, &containing, states),

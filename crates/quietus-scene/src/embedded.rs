@@ -1,10 +1,10 @@
-//! The scene the program draws when it is given none: a closed room with a glass sphere, a mirror sphere and a
-//! small bright lamp.
+//! The scene the program draws when it is given none: a closed room with a glass sphere, a mirror sphere, a skylight
+//! and a small bright lamp.
 //!
-//! The lamp is a sphere of under 3 % of the room's width. Next-event estimation lights the walls well, but the
-//! light that glass and mirror throw on floor and walls is found only by paths that hit the lamp by chance, after
-//! the scattering at a diffuse surface: a few samples per pixel miss most of it. That is what hierarchical
-//! stopping is for, so the scene shows it on purpose. Units are metres, y is up, the camera looks along -z.
+//! The lamp is a sphere of 6 % of the room's width. Next-event estimation lights the walls well, but the light
+//! that glass and mirror throw on floor and walls is found only by paths that hit the lamp by chance, after the
+//! scattering at a diffuse surface: a few samples per pixel miss most of it. That is what hierarchical stopping is
+//! for, so the scene shows it on purpose. The skylight, large and soft, is easy to find and fills the shadows. Units are metres, y is up, the camera looks along -z.
 
 use std::sync::Arc;
 
@@ -24,16 +24,19 @@ const HEIGHT: f32 = 2.0;
 const DEPTH: [f32; 2] = [-1.2, 3.0];
 /// Centre of the lamp: to the left, so that glass and mirror throw their light across the floor.
 const LAMP: Vec3 = Vec3::new(-0.70, 1.42, 0.02);
-/// Radius of the lamp: a diameter of 2.8 % of the room's width.
-const LAMP_RADIUS: f32 = 0.045;
-/// Radiance of the lamp, chosen so that the back wall comes out around mid grey.
-const LAMP_RADIANCE: Vec3 = Vec3::new(440.0, 388.0, 316.0);
+/// Radius of the lamp: a diameter of 6 % of the room's width.
+const LAMP_RADIUS: f32 = 0.1;
+/// Radiance of the lamp: it and the skylight light the back wall to around mid grey.
+const LAMP_RADIANCE: Vec3 = Vec3::new(34.0, 26.0, 17.0);
+/// Radiance of the skylight.
+const SKY_RADIANCE: Vec3 = Vec3::new(5.0, 6.0, 7.2);
 
 /// The scene built into the program; see the module's description for why it looks as it does.
 pub fn embedded() -> SceneDesc {
     let mut room = Builder::default();
     add_walls(&mut room);
     add_lamp(&mut room);
+    add_skylight(&mut room);
     add_still_life(&mut room);
     let eye = Vec3::new(0.12, 1.40, 2.75);
     let target = Vec3::new(0.03, 0.56, -0.4);
@@ -82,6 +85,15 @@ fn add_lamp(room: &mut Builder) {
     let top = LAMP.y + socket + 0.03;
     let middle = Vec3::new(LAMP.x, 0.5 * (top + HEIGHT), LAMP.z);
     room.place("cord", block(middle, Vec3::new(0.004, 0.5 * (HEIGHT - top), 0.004), 0.0), cord);
+}
+
+/// A pane in the ceiling, to the right and above the picture's edge, that shines down.
+fn add_skylight(room: &mut Builder) {
+    let mut sky = material("skylight", Surface::Diffuse { reflectance: ColorParam::constant(Vec3::ZERO) });
+    sky.emission = ColorParam::constant(SKY_RADIANCE);
+    let sky = room.material(sky);
+    let at = |x: f32, z: f32| Vec3::new(x, HEIGHT - 0.01, z);
+    room.place("skylight", quads(&[[at(0.1, -0.3), at(1.1, -0.3), at(1.1, 0.9), at(0.1, 0.9)]]), sky);
 }
 
 /// What the lamp shines on: spheres of glass, silver, gold and porcelain, and a plinth.

@@ -8,6 +8,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use quietus_film::Window;
 
 use crate::error::EXIT_CODES;
+use crate::eval::EvalArgs;
 
 /// A path tracer that puts samples where the noise is.
 ///
@@ -30,6 +31,8 @@ pub(crate) enum Command {
         /// A glTF 2.0 scene (.gltf, .glb) or an OpenEXR picture (.exr).
         file: PathBuf,
     },
+    /// Measure sampling policies on recorded samples: error, gain over uniform sampling, bias, artefacts.
+    Eval(Box<EvalArgs>),
 }
 
 /// Flags of `quietus render`.
@@ -177,7 +180,7 @@ pub(crate) enum FilterArg {
     BlackmanHarris,
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
+pub(crate) fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let parsed = text.split_once(['x', 'X']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     parsed.ok_or_else(|| "expected width and height in pixels, such as 1280x720".to_owned())
 }

@@ -2,6 +2,7 @@
 
 mod args;
 mod error;
+mod eval;
 mod info;
 mod interrupt;
 mod plan;
@@ -39,6 +40,7 @@ fn run(cli: Cli) -> Result<Ending, Failure> {
             say::result(info::describe(&file)?);
             Ok(Ending::Success)
         }
+        Some(Command::Eval(args)) => eval::run(&args),
         None => render::run(&built_in()),
     }
 }

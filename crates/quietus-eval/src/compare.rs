@@ -32,8 +32,9 @@ pub struct UniformCurve {
     pub points: Vec<(f64, f64)>,
     /// The exponent a of the fit `error = c n^-a`: 1 for independent samples.
     pub exponent: f64,
-    /// What the best allocation that is blind to the values it keeps could gain ([`crate::limit`]).
-    pub limit: f64,
+    /// What the best allocation that is blind to the values it keeps could gain ([`crate::limit`]); none where the
+    /// error does not fall as noise does.
+    pub limit: Option<f64>,
 }
 
 /// One method at one budget. Intervals are 95 % confidence over independent runs.
@@ -59,7 +60,8 @@ pub struct Point {
     pub p999: f64,
     /// Relative bias, against uniform sampling of the same samples.
     pub bias: Bias,
-    /// Block energy, edge steps and edge error, on the tile grid over displaced; 1 where the error knows no tiles.
+    /// Block energy, edge steps and edge error, on the tile grid over displaced, relative to the same for uniform
+    /// sampling: 1 where the error knows no tiles.
     pub structure: [Estimate; 3],
     /// Share of the picture in which sampling stopped.
     pub stopped: f64,
@@ -89,7 +91,7 @@ pub struct ErrorPoint {
     /// Whether the error is below (above) all that uniform sampling was measured at, so that its fit was extended.
     pub extrapolated: bool,
     /// `(gain - 1) / (limit - 1)`.
-    pub share_of_limit: Estimate,
+    pub share_of_limit: Option<Estimate>,
 }
 
 /// Energy gained (positive) or lost, relative to the reference's.
@@ -176,7 +178,7 @@ fn point(series: &Series, uniform: &[&Series], curves: &[UniformCurve], meter: &
         worst_tile: series.mean(|r| r.errors.worst_tile).max(0.0).sqrt(),
         p999: series.mean(|r| r.errors.p999),
         bias: bias(series, control(series, uniform), meter),
-        structure: [0, 1, 2].map(|i| structure_ratio(series, i)),
+        structure: [0, 1, 2].map(|i| structure_ratio(series, control(series, uniform), i)),
         stopped: series.mean(|r| r.stops.stopped),
         false_stops: series.mean(|r| r.stops.false_stops),
         true_over_target: series.mean(|r| r.stops.true_over_target),
@@ -214,7 +216,7 @@ fn error_point(series: &Series, uniform: &[&Series], curve: &UniformCurve) -> Er
         gain,
         gain_in_rays: gain.map(|g| g * in_rays),
         extrapolated: samples(&all).1,
-        share_of_limit: gain.map(|g| (g - 1.0) / (curve.limit - 1.0)),
+        share_of_limit: curve.limit.map(|limit| gain.map(|g| (g - 1.0) / (limit - 1.0))),
     }
 }
 
@@ -269,12 +271,13 @@ fn worst_tile(runs: &[Vec<f64>]) -> Estimate {
     mean_interval(&values)
 }
 
-fn structure_ratio(series: &Series, which: usize) -> Estimate {
-    bootstrap(series.runs.len(), |runs| {
+fn structure_ratio(series: &Series, control: &Series, which: usize) -> Estimate {
+    let ratio = |series: &Series, runs: &[usize]| {
         let mut sum = Structure::default();
         runs.iter().for_each(|&i| sum += &series.runs[i].structure);
         sum.ratios()[which]
-    })
+    };
+    bootstrap(series.runs.len(), |runs| ratio(series, runs) / ratio(control, runs))
 }
 
 #[cfg(test)]

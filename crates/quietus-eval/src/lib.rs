@@ -18,6 +18,7 @@ pub mod replay;
 pub mod report;
 mod runs;
 pub mod statistics;
+mod study;
 mod subject;
 pub mod sweep;
 
@@ -28,4 +29,5 @@ pub use method::Method;
 pub use picture::Picture;
 pub use reference::{Reference, ReferenceSpec};
 pub use replay::{Replay, replay};
+pub use study::{Study, StudySpec};
 pub use subject::{Look, Subject};

@@ -13,13 +13,21 @@ use crate::{Reference, measure::Measure};
 /// by chance that they would put the limit far too high.
 const POOL: i64 = 5;
 
-/// The limit L of the gain in samples at equal error, for errors that fall as `n^-exponent`.
-pub fn limit(reference: &Reference, measure: Measure, exponent: f64) -> f64 {
+/// Least exponent that the limit is stated for. Errors that fall more slowly are not the noise this model speaks of:
+/// clipped ones, for instance, which more samples of a heavy tail can even raise.
+const LEAST_EXPONENT: f64 = 0.5;
+
+/// The limit L of the gain in samples at equal error, for errors that fall as `n^-exponent`; none below
+/// an exponent of one half.
+pub fn limit(reference: &Reference, measure: Measure, exponent: f64) -> Option<f64> {
+    if exponent.is_nan() || exponent < LEAST_EXPONENT {
+        return None;
+    }
     let noise = pooled_noise(reference, measure);
     let n = noise.len() as f64;
     let uniform = noise.iter().sum::<f64>() / n;
     let best = noise.iter().map(|v| v.powf(1.0 / (1.0 + exponent))).sum::<f64>() / n;
-    (uniform / best.powf(1.0 + exponent)).powf(1.0 / exponent)
+    Some((uniform / best.powf(1.0 + exponent)).powf(1.0 / exponent))
 }
 
 /// `w s^2` of every pixel, summed over its channels: s^2 is the pooled variance of a sample.
@@ -49,21 +57,25 @@ mod tests {
     #[test]
     fn limits_of_known_noise() {
         let mut reference = flat(40, 10, 0.5, 0.0);
-        assert!((limit(&reference, Measure::Mse, 1.0) - 1.0).abs() < 1e-12, "even noise: nothing to gain");
+        assert!(
+            (limit(&reference, Measure::Mse, 1.0).unwrap() - 1.0).abs() < 1e-12,
+            "even noise: nothing to gain"
+        );
         // Two halves of standard deviations 1 and 3, far larger than the pool: mean of squares 5, square of the mean 4.
         let mut wide = flat(4000, 10, 0.5, 0.0);
         wide.sample_variance.iter_mut().enumerate().for_each(|(i, v)| {
             *v = [if i % 4000 < 2000 { 1.0 } else { 9.0 }; 3];
         });
-        let found = limit(&wide, Measure::Mse, 1.0);
+        let found = limit(&wide, Measure::Mse, 1.0).unwrap();
         assert!((found - 1.25).abs() < 1e-3, "{found}");
         // a = 2: E = 5 / ((1 + 9^(1/3)) / 2)^3, L = sqrt(E).
         let expected = (5.0 / ((1.0 + 9.0_f64.cbrt()) / 2.0).powi(3)).sqrt();
-        assert!((limit(&wide, Measure::Mse, 2.0) - expected).abs() < 1e-3);
+        assert!((limit(&wide, Measure::Mse, 2.0).unwrap() - expected).abs() < 1e-3);
         // One pixel in 400 with all the noise is noise of its 25 neighbours.
         reference.sample_variance.fill([0.0; 3]);
         reference.sample_variance[5 * 40 + 20] = [1.0; 3];
-        let found = limit(&reference, Measure::Mse, 1.0);
+        let found = limit(&reference, Measure::Mse, 1.0).unwrap();
         assert!((found - 16.0).abs() < 1e-9, "{found}");
+        assert_eq!(limit(&reference, Measure::Mse, -0.1), None);
     }
 }

@@ -11,7 +11,7 @@ use quietus_trace::tile::{PixelWork, Sample, SampleSink, render_tile};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::{EvalError, Look, Picture, Subject, files::write_atomically, packed};
+use crate::{EvalError, Look, Picture, Subject, bank::fingerprint, files::write_atomically, packed};
 
 /// First seed of references by default, far from those of banks: no sample is used on both sides.
 pub const REFERENCE_SEED: u64 = 1 << 32;
@@ -36,6 +36,8 @@ pub struct ReferenceSpec {
 pub struct Reference {
     /// What it is made of.
     pub spec: ReferenceSpec,
+    /// Hash of a few samples: another one is another scene, or another tracer.
+    pub fingerprint: u64,
     /// The mean.
     pub mean: Picture,
     /// Variance of the mean in each channel, estimated from the independent streams.
@@ -76,13 +78,15 @@ impl Reference {
         mean.rgb = pixels.iter().map(|m| m.mean).collect();
         Ok(Self {
             spec: spec.clone(),
+            fingerprint: fingerprint(subject, &spec.look, spec.seed)?,
             mean,
             variance: pixels.iter().map(|m| m.variance).collect(),
             sample_variance: pixels.iter().map(|m| m.sample_variance).collect(),
         })
     }
 
-    /// Reads the reference of `spec` at `path`, or draws it and keeps it there. `drawing` is called where it is drawn.
+    /// Reads the reference of `spec` at `path`, or draws it and keeps it there, also where the tracer draws the scene
+    /// differently today. `drawing` is called where it is drawn.
     ///
     /// # Errors
     /// Where the scene cannot be drawn, or the file cannot be written.
@@ -94,6 +98,7 @@ impl Reference {
     ) -> Result<Self, EvalError> {
         if let Ok(reference) = Self::open(path)
             && reference.spec == *spec
+            && reference.fingerprint == fingerprint(subject, &spec.look, spec.seed)?
         {
             return Ok(reference);
         }
@@ -116,7 +121,7 @@ impl Reference {
             }
         }
         let mut attributes = LayerAttributes::default();
-        let spec = serde_json::to_string(&self.spec)
+        let spec = serde_json::to_string(&(&self.spec, self.fingerprint))
             .map_err(|e| EvalError::format(path, format!("cannot describe the reference: {e}")))?;
         attributes.other.insert(text(ATTRIBUTE), AttributeValue::Text(text(&spec)));
         let size = Vec2(self.mean.width as usize, self.mean.height as usize);
@@ -158,7 +163,7 @@ impl Reference {
             Some(AttributeValue::Text(spec)) => String::from_utf8_lossy(spec.bytes()).into_owned(),
             _ => return Err(bad(format!("not a reference: it has no attribute \"{ATTRIBUTE}\""))),
         };
-        let spec: ReferenceSpec =
+        let (spec, fingerprint): (ReferenceSpec, u64) =
             serde_json::from_str(&spec).map_err(|e| bad(format!("attribute \"{ATTRIBUTE}\": {e}")))?;
         let size = [spec.look.width as usize, spec.look.height as usize];
         if [layer.size.0, layer.size.1] != size {
@@ -177,7 +182,13 @@ impl Reference {
             Ok(pixels)
         };
         let mean = Picture { width: spec.look.width, height: spec.look.height, rgb: plane("")? };
-        Ok(Self { mean, variance: plane("variance.")?, sample_variance: plane("sample_variance.")?, spec })
+        Ok(Self {
+            mean,
+            variance: plane("variance.")?,
+            sample_variance: plane("sample_variance.")?,
+            fingerprint,
+            spec,
+        })
     }
 
     /// Samples of a pixel.
@@ -186,7 +197,7 @@ impl Reference {
     }
 }
 
-/// Holds [`ReferenceSpec`] as JSON.
+/// Holds [`ReferenceSpec`] and fingerprint as JSON.
 const ATTRIBUTE: &str = "quietus.reference";
 
 fn text(value: &str) -> Text {
@@ -264,6 +275,11 @@ mod tests {
         let again =
             Reference::open_or_render(&subject, &spec(4, 8), &path, || panic!("it is there")).unwrap();
         assert_eq!(again, reference);
+        let stale = Reference { fingerprint: 1, ..reference.clone() };
+        stale.write(&path).unwrap();
+        let mut drawn = false;
+        Reference::open_or_render(&subject, &spec(4, 8), &path, || drawn = true).unwrap();
+        assert!(drawn, "another tracer");
         let whole = std::fs::read(&path).unwrap();
         std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
         let message = Reference::open(&path).unwrap_err().to_string();

@@ -87,7 +87,8 @@ impl Series {
     }
 }
 
-/// A sweep over one scene: uniform sampling first, then method by method, budgets rising.
+/// A sweep over one scene: uniform sampling first, then method by method, budgets rising. Budgets that a method cannot
+/// be made to take (because it starts with more samples, or by leaps) are left out.
 ///
 /// # Errors
 /// Where the plan does not fit bank and reference.
@@ -100,7 +101,7 @@ pub fn sweep(bank: &Bank, reference: &Reference, plan: &Plan) -> Result<Vec<Seri
     let cells: Vec<(Method, f64)> = uniform.chain(adaptive).collect();
     cells
         .into_par_iter()
-        .map(|(method, budget)| series(bank, reference, &meter, plan, method, budget))
+        .filter_map(|(method, budget)| series(bank, reference, &meter, plan, method, budget).transpose())
         .collect()
 }
 
@@ -123,6 +124,9 @@ fn check(bank: &Bank, reference: &Reference, plan: &Plan) -> Result<(), EvalErro
     }
     if plan.budgets.is_empty() {
         return refuse("no budget was asked for, or none that the bank reaches".to_owned());
+    }
+    if let Some(bad) = plan.budgets.iter().find(|b| !(b.is_finite() && **b > 0.0)) {
+        return refuse(format!("a budget of {bad} samples per pixel: expected a number above 0"));
     }
     let (seeds, streams) = (spec.seed..spec.seed + u64::from(spec.streams), u64::from(other.streams));
     if (other.seed..other.seed + streams).any(|seed| seeds.contains(&seed)) {
@@ -154,22 +158,23 @@ fn series(
     plan: &Plan,
     method: Method,
     budget: f64,
-) -> Result<Series, EvalError> {
+) -> Result<Option<Series>, EvalError> {
     let mut settings = method.apply(&plan.settings);
     let target_error = if method == Method::Uniform {
         settings.max_samples = budget as u32;
         settings.min_samples = settings.min_samples.min(settings.max_samples);
         None
     } else {
-        settings.target_error = find_target(bank, &settings, budget)?;
-        Some(settings.target_error)
+        let Some(target) = find_target(bank, &settings, budget, plan.runs)? else { return Ok(None) };
+        settings.target_error = target;
+        Some(target)
     };
     let replays: Vec<Replay> =
         (0..plan.runs).into_par_iter().map(|run| replay(bank, &settings, run)).collect::<Result<_, _>>()?;
     let runs = replays.par_iter().map(|r| record(r, reference, meter, &settings)).collect();
     let first = replays.into_iter().next();
     let first = first.ok_or_else(|| EvalError::Request("a series without runs".to_owned()))?;
-    Ok(Series { method, budget, target_error, runs, first })
+    Ok(Some(Series { method, budget, target_error, runs, first }))
 }
 
 fn record(replay: &Replay, reference: &Reference, meter: &EnergyMeter, settings: &Settings) -> RunRecord {
@@ -186,26 +191,46 @@ fn record(replay: &Replay, reference: &Reference, meter: &EnergyMeter, settings:
     }
 }
 
-/// Halvings of the logarithm of the target: the range of 14 decades shrinks to 1e-4 of a decade.
+/// Range of the logarithm of the target error: from far below a step of the pixel error to far above its largest value.
+const TARGETS: [f64; 2] = [-9.0, 4.0];
+/// Halvings of that range: 1e-4 of a decade is left.
 const HALVINGS: u32 = 17;
+/// Most runs that are averaged for the search.
+const PILOT_RUNS: u64 = 4;
+/// How far the samples may be from the budget, relatively: near enough for the search to end, and to be of use.
+const NEAR: [f64; 2] = [0.005, 0.1];
 
-/// The target error at which the first run takes `budget` samples per pixel, as closely as can be found by halving.
-///
-/// Where the budget is out of reach it is the end of the range, and the series says what it took.
+/// The target error with which the method of `settings` takes `budget` samples per pixel, found by halving over the mean
+/// of the first `runs` runs (at most four); none where it can't be made to take within a tenth of that.
 ///
 /// # Errors
 /// As [`replay`].
-pub fn find_target(bank: &Bank, settings: &Settings, budget: f64) -> Result<f64, EvalError> {
-    let (mut low, mut high) = (-10.0_f64, 4.0_f64);
+pub fn find_target(
+    bank: &Bank,
+    settings: &Settings,
+    budget: f64,
+    runs: u64,
+) -> Result<Option<f64>, EvalError> {
+    let pilots = runs.clamp(1, PILOT_RUNS);
+    let [mut low, mut high] = TARGETS;
+    let mut best = (f64::INFINITY, None);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
         let tried = Settings { target_error: 10.0_f64.powf(middle), ..settings.clone() };
-        let spp = replay(bank, &tried, 0)?.samples_per_pixel();
-        if (spp / budget - 1.0).abs() < 0.005 {
-            return Ok(tried.target_error);
+        let spp: Result<Vec<f64>, EvalError> = (0..pilots)
+            .into_par_iter()
+            .map(|run| replay(bank, &tried, run).map(|r| r.samples_per_pixel()))
+            .collect();
+        let spp = spp?.iter().sum::<f64>() / pilots as f64;
+        let distance = (spp / budget - 1.0).abs();
+        if distance < best.0 {
+            best = (distance, Some(tried.target_error));
+        }
+        if distance < NEAR[0] {
+            break;
         }
         // A larger error is reached with fewer samples.
         if spp > budget { low = middle } else { high = middle }
     }
-    Ok(10.0_f64.powf(0.5 * (low + high)))
+    Ok(best.1.filter(|_| best.0 < NEAR[1]))
 }

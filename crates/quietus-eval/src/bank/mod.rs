@@ -11,6 +11,7 @@ mod record;
 use std::path::Path;
 
 pub use format::Bank;
+pub(crate) use record::fingerprint;
 pub use record::{record, record_in_memory};
 use serde::{Deserialize, Serialize};
 

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::{Bank, BankSpec, REPLICATES, format::write_header};
 use crate::{
-    EvalError, Subject,
+    EvalError, Look, Subject,
     files::write_atomically,
     packed::{self, Negative},
 };
@@ -128,32 +128,57 @@ impl SampleSink for Packer<'_> {
     }
 }
 
-/// Pixels whose first samples are drawn again to see whether a bank is what the tracer draws today.
+/// Pixels whose first samples are drawn again to see whether a file is what the tracer draws today.
 const PROBES: usize = 64;
 /// Samples of each of them.
 const PROBE_SAMPLES: u32 = 8;
 
-/// Whether the tracer still draws what is in the bank, as far as a few samples tell.
-pub(super) fn is_current(subject: &Subject, bank: &Bank) -> Result<bool, EvalError> {
-    let spec = bank.spec();
-    let view = subject.view(&spec.look, spec.seed)?;
-    let count = PROBE_SAMPLES.min(spec.samples);
-    let pixels = spec.look.pixels();
-    let same = (0..PROBES).all(|probe| {
-        let pixel = (2 * probe + 1) * pixels / (2 * PROBES);
-        let (x, y) = (pixel as u32 % spec.look.width, pixel as u32 / spec.look.width);
+/// Draws the first `count` samples of replicate 0 of a few pixels, and tells them with the pixel's number.
+fn probe(
+    subject: &Subject,
+    look: &Look,
+    seed: u64,
+    count: u32,
+    mut tell: impl FnMut(usize, &[u64]),
+) -> Result<(), EvalError> {
+    let view = subject.view(look, seed)?;
+    for probe in 0..PROBES {
+        let pixel = (2 * probe + 1) * look.pixels() / (2 * PROBES);
+        let (x, y) = (pixel as u32 % look.width, pixel as u32 / look.width);
         let mut words = Vec::new();
         let mut sink = Packer { words: &mut words, negative: None };
         render_tile(&subject.scene, &view, &[work(x, y, 0, count)], &mut sink);
-        words.iter().zip(bank.stream(pixel, 0)).all(|(&word, &bytes)| word == u64::from_le_bytes(bytes))
-    });
+        tell(pixel, &words);
+    }
+    Ok(())
+}
+
+/// Whether the tracer still draws what is in the bank, as far as a few samples tell.
+pub(super) fn is_current(subject: &Subject, bank: &Bank) -> Result<bool, EvalError> {
+    let spec = bank.spec();
+    let mut same = true;
+    probe(subject, &spec.look, spec.seed, PROBE_SAMPLES.min(spec.samples), |pixel, words| {
+        let stored = bank.stream(pixel, 0).iter().map(|&bytes| u64::from_le_bytes(bytes));
+        same &= words.iter().copied().eq(stored.take(words.len()));
+    })?;
     Ok(same)
+}
+
+/// A number that changes when the tracer draws a few samples differently (FNV-1a over them).
+pub(crate) fn fingerprint(subject: &Subject, look: &Look, seed: u64) -> Result<u64, EvalError> {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    probe(subject, look, seed, PROBE_SAMPLES, |_, words| {
+        for byte in words.iter().flat_map(|word| word.to_le_bytes()) {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+        }
+    })?;
+    Ok(hash)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Look, bank::open_or_record};
+    use crate::bank::open_or_record;
 
     fn spec() -> BankSpec {
         BankSpec { scene: "embedded".into(), look: Look::new(12, 9), streams: 4, samples: 16, seed: 7 }

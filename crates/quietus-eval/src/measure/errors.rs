@@ -131,6 +131,7 @@ pub(crate) mod tests {
         let pixels = mean.rgb.len();
         Reference {
             spec: ReferenceSpec { scene: "flat".into(), look, streams: 2, samples: 1, seed: 0 },
+            fingerprint: 0,
             mean,
             variance: vec![[variance; 3]; pixels],
             sample_variance: vec![[1.0; 3]; pixels],

@@ -1,5 +1,9 @@
-//! Reports: a table for the terminal, JSON, and a self-contained HTML page with plots and heat maps.
+//! Reports: a table for the terminal, JSON (see [`crate::compare::Comparison`]), and a self-contained HTML page with
+//! plots and heat maps.
 
+mod html;
+mod plot;
 mod table;
 
+pub use html::{Scene, html};
 pub use table::{DEFAULT_MEASURE, table};

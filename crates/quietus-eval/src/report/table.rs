@@ -30,10 +30,10 @@ pub fn table(comparison: &Comparison, measure: Measure) -> String {
     for curve in &comparison.uniform {
         let _ = writeln!(
             text,
-            "  {:<8} uniform error falls as n^-{:.2}; limit of the gain {:.3}",
+            "  {:<8} uniform error falls as n^-{:.2}; limit of the gain {}",
             curve.measure.name(),
             curve.exponent,
-            curve.limit
+            number(curve.limit, 3)
         );
     }
     let _ = writeln!(
@@ -71,13 +71,13 @@ fn row(text: &mut String, point: &Point, measure: Measure) {
     let [blocks, steps, edges] = point.structure.map(|e| e.value);
     let _ = writeln!(
         text,
-        "{:<13}{:>7.1}{:>10} {:>10.5} {:>20} {:>7.2} {:>8.3} {:>7.4} {:>7.3} {:>7.3} {:>16} {:>16} {:>18} {:>17} {:>6.2} {:>7.2} {:>8.0}",
+        "{:<13}{:>7.1}{:>10} {:>10.5} {:>20} {:>7} {:>8.3} {:>7.4} {:>7.3} {:>7.3} {:>16} {:>16} {:>18} {:>17} {:>6.2} {:>7.2} {:>8.0}",
         point.method.name(),
         point.spp,
         target,
         root(error),
         gain,
-        error.share_of_limit.value,
+        number(error.share_of_limit.map(|e| e.value), 2),
         100.0 * root(display),
         point.flip.value,
         point.p999,
@@ -90,6 +90,11 @@ fn row(text: &mut String, point: &Point, measure: Measure) {
         point.true_over_target,
         point.reopened_pixels,
     );
+}
+
+/// `-` where there is none.
+pub(crate) fn number(value: Option<f64>, digits: usize) -> String {
+    value.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}"))
 }
 
 /// What a point says by a measure.

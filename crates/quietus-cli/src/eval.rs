@@ -1,0 +1,217 @@
+//! `quietus eval`: measure sampling policies on recorded samples.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use quietus_eval::{
+    EvalError, Look, Method, Study, StudySpec, Subject, cache_directory,
+    compare::{Comparison, compare},
+    measure::Measure,
+    report,
+    sweep::{Plan, Series, sweep},
+};
+use quietus_film::{check_writable, write_atomically};
+
+use crate::args::parse_size;
+use crate::error::{EXIT_CODES, Ending, Failure};
+use crate::say;
+
+/// Flags of `quietus eval`.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub(crate) struct EvalArgs {
+    /// Scenes: `embedded`, or glTF 2.0 files (.gltf, .glb).
+    #[arg(default_values = ["embedded"])]
+    scenes: Vec<String>,
+
+    /// Size of the pictures in pixels.
+    #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "96x64")]
+    size: [u32; 2],
+
+    /// Sample sequences recorded for each pixel; half as many runs share no sample.
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    streams: u32,
+
+    /// Samples in each of them; a run takes at most twice as many per pixel.
+    #[arg(long, value_name = "N", default_value_t = 512)]
+    samples: u32,
+
+    /// Seed of the recorded samples.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+
+    /// Samples per pixel of the reference, drawn with other seeds.
+    #[arg(long, value_name = "N", default_value_t = 16384)]
+    reference_spp: u32,
+
+    /// Longest path in segments from the camera.
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    max_depth: u32,
+
+    /// Pixel filter: box, gaussian or blackman-harris.
+    #[arg(long, value_name = "FILTER", default_value = "blackman-harris")]
+    filter: String,
+
+    /// Where recorded samples and references are kept. [default: quietus/eval in $XDG_CACHE_HOME or ~/.cache]
+    #[arg(long, value_name = "DIR")]
+    cache: Option<PathBuf>,
+
+    /// Only record samples and draw the reference.
+    #[arg(long)]
+    record_only: bool,
+
+    /// Methods to compare with uniform sampling. [default: all]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = parse_method)]
+    methods: Vec<Method>,
+
+    /// Samples per pixel at which they are compared. [default: 24,32,48,64,96,128,192,256, as far as samples reach]
+    #[arg(long, value_name = "SPP,...", value_delimiter = ',')]
+    budgets: Vec<f64>,
+
+    /// Runs of each. [default: as many as share no sample]
+    #[arg(long, value_name = "N")]
+    runs: Option<u64>,
+
+    /// Samples every pixel gets before any may stop. [default: 16]
+    #[arg(long, value_name = "N")]
+    min_samples: Option<u32>,
+
+    /// Error measure of the table: mse, rel_mse, weighted or display.
+    #[arg(long, value_name = "NAME", default_value = "weighted", value_parser = parse_measure)]
+    measure: Measure,
+
+    /// Write everything here, as JSON.
+    #[arg(long, value_name = "FILE.json")]
+    json: Option<PathBuf>,
+
+    /// Write a report with plots and pictures here, as one HTML file.
+    #[arg(long, value_name = "FILE.html")]
+    html: Option<PathBuf>,
+}
+
+fn parse_method(text: &str) -> Result<Method, String> {
+    let names = || Method::ALL.map(Method::name).join(", ");
+    Method::ALL.into_iter().find(|m| m.name() == text).ok_or_else(|| format!("expected one of {}", names()))
+}
+
+fn parse_measure(text: &str) -> Result<Measure, String> {
+    let names = || Measure::ALL.map(Measure::name).join(", ");
+    Measure::ALL.into_iter().find(|m| m.name() == text).ok_or_else(|| format!("expected one of {}", names()))
+}
+
+/// A scene with everything found about it.
+struct Found {
+    study: Study,
+    sweep: Vec<Series>,
+    comparison: Comparison,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &EvalArgs) -> Result<Ending, Failure> {
+    // Minutes of work should not end at a missing directory.
+    for path in [&args.json, &args.html].into_iter().flatten() {
+        check_writable(path)?;
+    }
+    let mut found = Vec::new();
+    for source in &args.scenes {
+        let study = open(args, source)?;
+        if args.record_only {
+            continue;
+        }
+        let plan = plan(args, &study);
+        say::aside(format_args!(
+            "{source}: {} methods at {} budgets",
+            plan.methods.len(),
+            plan.budgets.len()
+        ));
+        let sweep = sweep(&study.bank, &study.reference, &plan)?;
+        let comparison = compare(study.bank.spec(), &study.reference, &sweep);
+        say::result(report::table(&comparison, args.measure));
+        found.push(Found { study, sweep, comparison });
+    }
+    if !args.record_only {
+        write_reports(args, &found)?;
+    }
+    Ok(Ending::Success)
+}
+
+fn open(args: &EvalArgs, source: &str) -> Result<Study, Failure> {
+    let subject = Subject::open(source)?;
+    for warning in &subject.warnings {
+        say::aside(format_args!("{source}: {warning}"));
+    }
+    let [width, height] = args.size;
+    let spec = StudySpec {
+        look: Look { width, height, max_depth: args.max_depth, filter: args.filter.clone() },
+        streams: args.streams,
+        samples: args.samples,
+        seed: args.seed,
+        reference_spp: args.reference_spp,
+    };
+    let directory = args.cache.clone().unwrap_or_else(cache_directory);
+    let mut last = (String::new(), -1);
+    let tell = |what: &str, share: f64| {
+        // Tenths are enough, on a terminal and in a log.
+        let tenth = (share * 10.0) as i32;
+        if last.0 != what || last.1 != tenth {
+            say::aside(format_args!("{source}: making the {what} in {}, {tenth}0 %", directory.display()));
+            last = (what.to_owned(), tenth);
+        }
+    };
+    Ok(Study::open(&subject, &spec, &directory, tell)?)
+}
+
+fn plan(args: &EvalArgs, study: &Study) -> Plan {
+    let mut plan = Plan::new(&study.bank);
+    if !args.methods.is_empty() {
+        plan.methods.clone_from(&args.methods);
+    }
+    if !args.budgets.is_empty() {
+        plan.budgets.clone_from(&args.budgets);
+    }
+    plan.runs = args.runs.unwrap_or(plan.runs);
+    plan.settings.min_samples = args.min_samples.unwrap_or(plan.settings.min_samples);
+    plan
+}
+
+fn write_reports(args: &EvalArgs, found: &[Found]) -> Result<(), Failure> {
+    if let Some(path) = &args.json {
+        let all: Vec<&Comparison> = found.iter().map(|f| &f.comparison).collect();
+        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::internal(e.to_string()))?;
+        write(path, &text)?;
+    }
+    if let Some(path) = &args.html {
+        let scenes: Vec<report::Scene<'_>> = found
+            .iter()
+            .map(|f| report::Scene {
+                comparison: &f.comparison,
+                sweep: &f.sweep,
+                reference: &f.study.reference,
+            })
+            .collect();
+        write(path, &report::html(&scenes, args.measure)?)?;
+    }
+    Ok(())
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    write_atomically(path, |out| {
+        out.write_all(text.as_bytes())
+            .map_err(|source| quietus_film::OutputError::Write { path: path.to_owned(), source })
+    })?;
+    say::aside(format_args!("wrote {}", path.display()));
+    Ok(())
+}
+
+impl From<EvalError> for Failure {
+    fn from(error: EvalError) -> Self {
+        let ending = match error {
+            EvalError::Settings(_) | EvalError::Request(_) => Ending::Usage,
+            EvalError::Io { .. } => Ending::Output,
+            EvalError::NegativeSample { .. } => Ending::Internal,
+            _ => Ending::Input,
+        };
+        Self { ending, message: error.to_string() }
+    }
+}

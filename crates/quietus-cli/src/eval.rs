@@ -66,7 +66,8 @@ pub(crate) struct EvalArgs {
     methods: Vec<Method>,
 
     /// Samples per pixel at which they are compared. [default: 24,32,48,64,96,128,192,256, as far as samples reach]
-    #[arg(long, value_name = "SPP,...", value_delimiter = ',')]
+    #[arg(long, value_name = "SPP,...", value_delimiter = ',', value_parser = parse_budget)]
+    #[arg(allow_negative_numbers = true)]
     budgets: Vec<f64>,
 
     /// Runs of each. [default: as many as share no sample]
@@ -93,6 +94,13 @@ pub(crate) struct EvalArgs {
 fn parse_method(text: &str) -> Result<Method, String> {
     let names = || Method::ALL.map(Method::name).join(", ");
     Method::ALL.into_iter().find(|m| m.name() == text).ok_or_else(|| format!("expected one of {}", names()))
+}
+
+fn parse_budget(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(budget) if budget.is_finite() && budget > 0.0 => Ok(budget),
+        _ => Err("expected a number above 0".to_owned()),
+    }
 }
 
 fn parse_measure(text: &str) -> Result<Measure, String> {

@@ -25,7 +25,9 @@ pub fn record(
     path: &Path,
     progress: impl FnMut(f64),
 ) -> Result<(), EvalError> {
-    write_atomically(path, |out| write_bank(subject, spec, out, path, progress))
+    // Whatever is wrong with the request shows before anything is made.
+    let views = views(subject, spec)?;
+    write_atomically(path, |out| write_bank(subject, spec, &views, out, path, progress))
 }
 
 /// Records a bank that lives in memory.
@@ -34,26 +36,25 @@ pub fn record(
 /// As [`record`].
 pub fn record_in_memory(subject: &Subject, spec: &BankSpec) -> Result<Bank, EvalError> {
     let mut bytes = Vec::new();
-    write_bank(subject, spec, &mut bytes, Path::new(&spec.scene), |_| ())?;
+    write_bank(subject, spec, &views(subject, spec)?, &mut bytes, Path::new(&spec.scene), |_| ())?;
     Bank::from_bytes(&spec.scene, bytes)
 }
 
 fn write_bank(
     subject: &Subject,
     spec: &BankSpec,
+    views: &[View],
     out: &mut impl Write,
     path: &Path,
     mut progress: impl FnMut(f64),
 ) -> Result<(), EvalError> {
-    spec.validate()?;
-    let views = views(subject, spec)?;
     write_header(spec, out).map_err(EvalError::io(path))?;
     let mut rays = Vec::with_capacity(spec.look.pixels());
     let rows: Vec<u32> = (0..spec.look.height).collect();
     // As many rows at once as keep all threads busy; they are written in order.
     for rows in rows.chunks(2 * rayon::current_num_threads()) {
         let recorded: Result<Vec<_>, _> =
-            rows.par_iter().map(|&y| record_row(subject, spec, &views, y)).collect();
+            rows.par_iter().map(|&y| record_row(subject, spec, views, y)).collect();
         for row in recorded? {
             for word in &row.words {
                 out.write_all(&word.to_le_bytes()).map_err(EvalError::io(path))?;
@@ -68,8 +69,9 @@ fn write_bank(
     Ok(())
 }
 
-/// One view for each seed.
+/// One view for each seed of a bank that makes sense.
 fn views(subject: &Subject, spec: &BankSpec) -> Result<Vec<View>, EvalError> {
+    spec.validate()?;
     let seeds = u64::from(spec.streams / REPLICATES);
     (0..seeds).map(|k| subject.view(&spec.look, spec.seed.wrapping_add(k))).collect()
 }

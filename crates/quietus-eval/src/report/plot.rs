@@ -74,7 +74,11 @@ fn draw(
             PathElement::new(ends.map(|y| (x, y)), color.mix(0.5))
         }))?;
     }
-    chart.configure_series_labels().background_style(WHITE.mix(0.8)).draw()?;
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperRight)
+        .background_style(WHITE.mix(0.8))
+        .draw()?;
     root.present()?;
     Ok(())
 }

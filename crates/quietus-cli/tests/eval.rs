@@ -1,0 +1,56 @@
+//! `quietus eval` from outside.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn eval(directory: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_quietus"))
+        .current_dir(directory)
+        .args(["eval", "--cache", "cache", "--size", "16x12"])
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn one_command_records_compares_and_reports() {
+    let directory = tempfile::tempdir().unwrap();
+    let arguments = "--streams 4 --samples 32 --reference-spp 64 --budgets 36 --methods talk,quietus \
+                     --json a.json --html a.html";
+    let arguments: Vec<&str> = arguments.split_whitespace().collect();
+    let first = eval(directory.path(), &arguments);
+    let (table, asides) =
+        (String::from_utf8(first.stdout).unwrap(), String::from_utf8(first.stderr).unwrap());
+    assert!(first.status.success(), "{asides}");
+    assert!(table.contains("embedded: 16x12, 4 streams of 32 samples; reference of 64 spp"), "{table}");
+    assert!(asides.contains("making the bank"), "{asides}");
+    let json = std::fs::read(directory.path().join("a.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    assert_eq!(json[0]["bank"]["streams"], 4);
+    assert!(json[0]["points"].as_array().unwrap().iter().any(|p| p["method"] == "uniform"));
+    let html = std::fs::read_to_string(directory.path().join("a.html")).unwrap();
+    assert!(html.contains("<svg") && html.contains("data:image/png;base64,") && !html.contains("http-equiv"));
+    // What was recorded is used again, and says the same.
+    let second = eval(directory.path(), &arguments);
+    assert_eq!(String::from_utf8(second.stdout).unwrap(), table);
+    assert!(!String::from_utf8(second.stderr).unwrap().contains("making"));
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_before_anything_is_recorded() {
+    let directory = tempfile::tempdir().unwrap();
+    for (arguments, code, message) in [
+        (&["--methods", "best"][..], 2, "expected one of uniform, tile"),
+        (&["--budgets", "-3"], 2, "expected a number above 0"),
+        (&["--filter", "sinc"], 2, "expected box, gaussian or blackman-harris"),
+        (&["--streams", "3"], 2, "expected an even number"),
+        (&["missing.glb"], 3, "missing.glb"),
+        (&["--json", "no/such/a.json"], 4, "no/such/a.json"),
+    ] {
+        let output = eval(directory.path(), arguments);
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
+        assert!(text.contains(message), "{arguments:?}: {text}");
+        assert!(!directory.path().join("cache").exists(), "{arguments:?}");
+    }
+}

@@ -72,3 +72,65 @@ fn regions(replay: &Replay, settings: &Settings) -> Vec<quietus::Area> {
     };
     rects.filter(is_stopped).map(quietus::Area::from).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use quietus::Statistics;
+
+    use super::*;
+    use crate::measure::tests::flat;
+
+    /// The left of two 8x8 tiles is off by 0.3 in every channel, the right one is exact, over a reference of 0.75: the
+    /// true error of a pixel is 0.9 / 1.5 = 0.6, that of the left tile 64 * 0.6 / sqrt(64 * 128) = 0.424.
+    fn run() -> (Replay, Reference) {
+        let reference = flat(16, 8, 0.75, 0.0);
+        let mut picture = reference.mean.clone();
+        (0..128).filter(|i| i % 16 < 8).for_each(|i| picture.rgb[i] = [1.05; 3]);
+        let replay = Replay {
+            picture,
+            counts: vec![16; 128],
+            samples: 2048,
+            rays: 0.0,
+            rejected: 0,
+            unfinished: vec![false; 128],
+            stopped: Vec::new(),
+            statistics: Statistics::default(),
+        };
+        (replay, reference)
+    }
+
+    fn settings(policy: Policy, target_error: f64) -> Settings {
+        Settings { policy, target_error, ..Settings::new(16, 8) }
+    }
+
+    #[test]
+    fn a_false_stop_is_one_above_the_target() {
+        let (mut replay, reference) = run();
+        let judge = |replay: &Replay, target| stops(replay, &reference, &settings(Policy::Tile, target));
+        let found = judge(&replay, 0.42);
+        assert_eq!((found.stopped, found.false_stops), (1.0, 0.5));
+        let error = 64.0 * 0.6 / (64.0_f64 * 128.0).sqrt();
+        assert!((found.true_over_target - 0.5 * error / 0.42).abs() < 1e-6, "{found:?}");
+        assert_eq!(judge(&replay, 0.43).false_stops, 0.0);
+        // A tile with one pixel that goes on has not stopped.
+        replay.unfinished[3] = true;
+        assert_eq!(judge(&replay, 0.42), Stops { stopped: 0.5, false_stops: 0.0, true_over_target: 0.0 });
+    }
+
+    #[test]
+    fn regions_are_those_of_the_policy() {
+        let (mut replay, reference) = run();
+        let share = |replay: &Replay, policy, target| {
+            let found = stops(replay, &reference, &settings(policy, target));
+            (found.stopped, found.false_stops)
+        };
+        assert_eq!(share(&replay, Policy::Uniform, 0.1), (0.0, 0.0));
+        // A pixel alone: 0.6 / sqrt(128) = 0.053.
+        assert_eq!(share(&replay, Policy::Pixel, 0.05), (1.0, 0.5));
+        assert_eq!(share(&replay, Policy::Pixel, 0.06), (1.0, 0.0));
+        // A leaf of 4x4 inside the left tile: 16 * 0.6 / sqrt(16 * 128) = 0.212.
+        replay.stopped = vec![quietus::PixelRect::new(2, 2, 6, 6).into()];
+        assert_eq!(share(&replay, Policy::Talk, 0.2), (0.125, 1.0));
+        assert_eq!(share(&replay, Policy::Quietus, 0.22), (0.125, 0.0));
+    }
+}

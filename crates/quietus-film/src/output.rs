@@ -94,10 +94,16 @@ pub fn remove_unfinished() {
     }
 }
 
-/// Creates a new file in the directory of `path`: only there is a rename atomic.
+/// What gets replaced by writing `path`: the target of a symbolic link, not the link.
+fn destination(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
+}
+
+/// Creates a new file in the directory of what `path` stands for: only there is a rename atomic.
 fn create_beside(path: &Path) -> Result<(Temporary, File), OutputError> {
     let failed = |source| OutputError::Write { path: path.to_owned(), source };
-    let Some(name) = path.file_name() else {
+    let target = destination(path);
+    let Some(name) = target.file_name() else {
         return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file")));
     };
     match fs::metadata(path) {
@@ -113,7 +119,7 @@ fn create_beside(path: &Path) -> Result<(Temporary, File), OutputError> {
         let mut hidden = OsString::from(".");
         hidden.push(name);
         hidden.push(format!(".{}-{number}.part", std::process::id()));
-        let beside = path.with_file_name(hidden);
+        let beside = target.with_file_name(hidden);
         match OpenOptions::new().write(true).create_new(true).open(&beside) {
             Ok(file) => {
                 unfinished().push(beside.clone());
@@ -148,9 +154,7 @@ pub fn write_atomically(
     writer.flush().map_err(failed)?;
     writer.get_ref().sync_all().map_err(failed)?;
     drop(writer);
-    // A symbolic link stays one: its target is what gets replaced.
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    fs::rename(&temporary.path, target).map_err(failed)
+    fs::rename(&temporary.path, destination(path)).map_err(failed)
 }
 
 #[cfg(test)]
@@ -187,6 +191,24 @@ mod tests {
         let missing = check_writable(&dir.path().join("no/such/dir/a.png")).unwrap_err();
         assert!(missing.to_string().contains("no/such/dir/a.png: cannot write"), "{missing}");
         assert!(check_writable(Path::new("..")).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_symbolic_link_stays_one() {
+        let (here, there) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let (link, target) = (here.path().join("a.txt"), there.path().join("b.txt"));
+        fs::write(&target, "old").unwrap();
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        // While it is written, the unfinished file is where the target is: a rename cannot leave a file system.
+        write_atomically(&link, |w| {
+            assert_eq!((entries(here.path()).len(), entries(there.path()).len()), (1, 2));
+            w.write_all(b"new").map_err(|_| unreachable!())
+        })
+        .unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(fs::read_to_string(&target).unwrap(), "new");
+        assert_eq!(entries(there.path()), ["b.txt"]);
     }
 
     #[test]

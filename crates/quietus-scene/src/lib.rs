@@ -13,7 +13,7 @@ mod summary;
 
 use std::path::Path;
 
-use quietus_trace::desc::SceneDesc;
+use quietus_trace::desc::{Environment, SceneDesc};
 
 pub use embedded::embedded;
 pub use environment::load_environment;
@@ -27,6 +27,15 @@ pub struct Loaded {
     pub scene: SceneDesc,
     /// What was left out, replaced or added, in the order of the file.
     pub warnings: Vec<Warning>,
+}
+
+impl Loaded {
+    /// Puts `environment` around the scene instead of its own surroundings. Where those were a plain sky made up
+    /// for want of lights, the warning that said so goes with it.
+    pub fn surround(&mut self, environment: Environment) {
+        self.scene.environment = Some(environment);
+        self.warnings.retain(|warning| warning.message != gltf::PLAIN_SKY);
+    }
 }
 
 /// Reads the glTF 2.0 file (`.gltf` or `.glb`, told apart by content) at `path` and everything it refers to.

@@ -31,6 +31,10 @@ use document::Document;
 /// surfaces stay inside of what a picture can show.
 const SKY: Vec3 = Vec3::new(0.72, 0.80, 0.92);
 
+/// What is said of that sky.
+pub(crate) const PLAIN_SKY: &str =
+    "the scene has neither lights nor emitters: a plain sky is added to light it";
+
 /// Reads the glTF file at `path`.
 pub(crate) fn load(path: &Path) -> Result<Loaded, SceneError> {
     load_bytes(path, &document::read_file(path)?)
@@ -59,7 +63,7 @@ fn complete(document: &Document<'_>, scene: &mut SceneDesc) {
         scene.instances.iter().flat_map(|instance| &scene.objects[instance.object.0 as usize].shapes);
     let emitters = placed.filter(|shape| summary::emits(&scene.materials[shape.material.0 as usize]));
     if scene.lights.is_empty() && emitters.count() == 0 {
-        document.warn("", "the scene has neither lights nor emitters: a plain sky is added to light it");
+        document.warn("", PLAIN_SKY);
         let (scale, to_world) = (SKY, Mat3::IDENTITY);
         scene.environment = Some(Environment { image: None, scale, to_world });
     }

@@ -19,5 +19,5 @@ pub use process::available_memory;
 pub use progress::Progress;
 pub use run::{Control, RenderError, Rendered, StoppedBy, render};
 pub use settings::{Machinery, RenderSettings, Sampling};
-pub use statistics::{SampleStatistics, Statistics};
+pub use statistics::{LoggedRebuild, MOST_LOGGED, SampleStatistics, Statistics};
 pub use tracer::{PathTracer, Tracer};

@@ -14,7 +14,7 @@ use crate::pixel_errors::{REPLICATES, tile_errors};
 use crate::process;
 use crate::progress::{Estimator, Progress};
 use crate::settings::RenderSettings;
-use crate::statistics::{SampleStatistics, Statistics};
+use crate::statistics::{LoggedRebuild, MOST_LOGGED, SampleStatistics, Statistics};
 use crate::tracer::Tracer;
 
 /// How often the watcher looks. Often enough for a smooth progress bar and a prompt Ctrl-C, too seldom to cost.
@@ -249,6 +249,7 @@ impl<T: Tracer> Shared<'_, T> {
             rebuilds: sampling.rebuilds.len(),
             rebuild_ms_median: milliseconds(sampling.rebuild_nanoseconds_median()),
             rebuild_ms_max: slowest.map_or(0.0, |rebuild| milliseconds(rebuild.nanoseconds)),
+            rebuild_log: sampling.rebuilds.iter().take(MOST_LOGGED).map(LoggedRebuild::new).collect(),
             tree_nodes_max: sampling.rebuilds.iter().map(|rebuild| rebuild.nodes).max().unwrap_or(0),
             lock_wait_fraction: share(sampling.lock_wait_nanoseconds),
             idle_fraction: share(sampling.idle_nanoseconds),

@@ -1,5 +1,6 @@
 //! Figures of a finished render.
 
+use quietus::RebuildRecord;
 use serde::Serialize;
 
 /// Percentiles of the samples per pixel.
@@ -29,6 +30,33 @@ impl SampleStatistics {
     }
 }
 
+/// Most rebuilds that [`Statistics::rebuild_log`] lists. Passes grow, so that even long renders stay below; only
+/// many regions go beyond.
+pub const MOST_LOGGED: usize = 4096;
+
+/// One rebuild of one region's tree.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LoggedRebuild {
+    /// The region, row by row.
+    pub region: u32,
+    /// Which of the region's trees it made, from 0.
+    pub generation: u64,
+    /// Nodes of the tree; 0 where the policy has none.
+    pub nodes: usize,
+    /// Pixels of the region that go on being sampled.
+    pub active_pixels: u64,
+    /// How long it took.
+    pub milliseconds: f64,
+}
+
+impl LoggedRebuild {
+    /// In the units of the statistics.
+    pub(crate) fn new(record: &RebuildRecord) -> Self {
+        let &RebuildRecord { region, generation, nanoseconds, nodes, active_pixels } = record;
+        Self { region, generation, nodes, active_pixels, milliseconds: nanoseconds as f64 * 1e-6 }
+    }
+}
+
 /// What a render did. The names are part of the program's interface, see `docs/stats.md`.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Statistics {
@@ -53,6 +81,8 @@ pub struct Statistics {
     pub rebuild_ms_median: f64,
     /// Their longest time.
     pub rebuild_ms_max: f64,
+    /// The rebuilds one by one, region by region; the first [`MOST_LOGGED`].
+    pub rebuild_log: Vec<LoggedRebuild>,
     /// Nodes of the largest tree.
     pub tree_nodes_max: usize,
     /// Time waited for locks over threads x wall time.

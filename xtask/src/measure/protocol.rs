@@ -10,7 +10,7 @@ const RUNS: usize = 5;
 
 /// Rebuild times in live renders of the embedded scene on one thread.
 pub(super) fn rebuild(quietus: &Quietus) -> Result<()> {
-    println!("| size | way | stage | pass | nodes | ms |\n|---|---|---|---|---|---|");
+    println!("| size | way | stage | generation | nodes | ms |\n|---|---|---|---|---|---|");
     for (size, target) in [("2048x858", "0.001"), ("3840x2160", "0.001")] {
         for way in ["resummed", "summed-area"] {
             let stats = quietus.render(&[
@@ -33,7 +33,7 @@ pub(super) fn rebuild(quietus: &Quietus) -> Result<()> {
     Ok(())
 }
 
-/// The slowest rebuild of the first, the middle and the last pass with a rebuilt tree, and the worst of all.
+/// The slowest rebuild of the first, the middle and the last generation of trees, and the worst of all.
 fn stages(size: &str, way: &str, stats: &Value) {
     let log: Vec<(u64, u64, f64)> = stats["rebuild_log"]
         .as_array()
@@ -41,33 +41,29 @@ fn stages(size: &str, way: &str, stats: &Value) {
         .flatten()
         .map(|r| {
             (
-                r["pass"].as_u64().unwrap_or(0),
+                r["generation"].as_u64().unwrap_or(0),
                 r["nodes"].as_u64().unwrap_or(0),
                 r["milliseconds"].as_f64().unwrap_or(f64::NAN),
             )
         })
         .filter(|r| r.1 > 0)
         .collect();
-    let passes: Vec<u64> = {
-        let mut passes: Vec<u64> = log.iter().map(|r| r.0).collect();
-        passes.dedup();
-        passes.sort_unstable();
-        passes.dedup();
-        passes
-    };
+    let mut generations: Vec<u64> = log.iter().map(|r| r.0).collect();
+    generations.sort_unstable();
+    generations.dedup();
     let slowest = |keep: &dyn Fn(u64) -> bool| {
         log.iter().filter(|r| keep(r.0)).max_by(|a, b| a.2.total_cmp(&b.2)).copied()
     };
-    let Some((&first, &last)) = passes.first().zip(passes.last()) else { return };
-    let middle = passes[passes.len() / 2];
+    let Some((&first, &last)) = generations.first().zip(generations.last()) else { return };
+    let middle = generations[generations.len() / 2];
     let rows = [
-        ("early", slowest(&|p| p == first)),
-        ("mid", slowest(&|p| p == middle)),
-        ("late", slowest(&|p| p == last)),
+        ("early", slowest(&|g| g == first)),
+        ("mid", slowest(&|g| g == middle)),
+        ("late", slowest(&|g| g == last)),
         ("worst", slowest(&|_| true)),
     ];
-    for (stage, (pass, nodes, ms)) in rows.into_iter().filter_map(|(stage, row)| Some((stage, row?))) {
-        println!("| {size} | {way} | {stage} | {pass} | {nodes} | {ms:.2} |");
+    for (stage, (generation, nodes, ms)) in rows.into_iter().filter_map(|(stage, row)| Some((stage, row?))) {
+        println!("| {size} | {way} | {stage} | {generation} | {nodes} | {ms:.2} |");
     }
 }
 

@@ -10,6 +10,15 @@ use quietus_film::Window;
 use crate::error::EXIT_CODES;
 use crate::eval::EvalArgs;
 
+/// What to try first.
+const EXAMPLES: &str = "\
+Examples:
+  quietus render scene.glb -o picture.exr -o picture.png
+  quietus render helmet.gltf --env studio.hdr --size 1920x1080
+  quietus render scene.glb --camera Hero --target-error 0.0005 --max-samples 16384
+  quietus render scene.glb --size 1920x1080 --crop 800,400,1100,600 --time 90s
+  quietus render --sampling free-running --tree tree.svg --stats stats.json";
+
 /// A path tracer that puts samples where the noise is.
 ///
 /// Without a command it draws the scene built into it and says where the pictures are.
@@ -37,7 +46,7 @@ pub(crate) enum Command {
 
 /// Flags of `quietus render`.
 #[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
+#[command(after_help = format!("{EXAMPLES}\n\n{EXIT_CODES}"))]
 pub(crate) struct RenderArgs {
     /// A glTF 2.0 scene (.gltf, .glb); the built-in one when absent.
     pub scene: Option<PathBuf>,
@@ -46,7 +55,7 @@ pub(crate) struct RenderArgs {
     #[arg(short, long, value_name = "FILE", default_values = ["quietus.png", "quietus.exr"])]
     pub output: Vec<PathBuf>,
 
-    /// Size of the full frame in pixels. Default: the longer side 960, in the shape the camera asks for (16:9
+    /// Size of the full frame in pixels. Default: the longer side 640, in the shape the camera asks for (16:9
     /// where it asks for none).
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
@@ -68,7 +77,7 @@ pub(crate) struct RenderArgs {
     pub sampling: Option<SamplingArg>,
 
     /// Region error to stop at, in the library's units: smaller is cleaner and slower.
-    /// [default: 0.002; not with uniform]
+    /// [default: 0.0014; not with uniform]
     #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = parse_error)]
     pub target_error: Option<f64>,
 
@@ -123,13 +132,14 @@ pub(crate) struct RenderArgs {
     #[arg(help_heading = "Expert")]
     pub regions: u32,
 
-    /// How tiles look into the tree; the picture is the same.
-    #[arg(long, value_enum, default_value_t = ChecksArg::Published, help_heading = "Expert")]
-    pub checks: ChecksArg,
+    /// How tiles look into the tree; the picture is the same. Default: locks with free-running, otherwise
+    /// published.
+    #[arg(long, value_enum, help_heading = "Expert")]
+    pub checks: Option<ChecksArg>,
 
-    /// How trees are rebuilt; the picture is the same.
-    #[arg(long, value_enum, default_value_t = RebuildArg::SummedArea, help_heading = "Expert")]
-    pub rebuild: RebuildArg,
+    /// How trees are rebuilt; the picture is the same. Default: resummed with free-running, otherwise summed-area.
+    #[arg(long, value_enum, help_heading = "Expert")]
+    pub rebuild: Option<RebuildArg>,
 }
 
 /// `--checks`.
@@ -157,7 +167,8 @@ pub(crate) enum SamplingArg {
     Quietus,
     /// The tree of the talk, drawing bounding rectangles as published.
     Talk,
-    /// The talk as published, threads included: the picture depends on their timing.
+    /// The talk exactly as published, with its locks and rebuilds (see --checks, --rebuild): the picture depends on
+    /// the timing of threads.
     FreeRunning,
     /// Each 8x8 tile stops on its own error.
     Tile,
@@ -225,6 +236,15 @@ mod tests {
     #[test]
     fn the_command_line_is_well_formed() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn the_examples_are_read() {
+        let examples: Vec<_> = EXAMPLES.lines().skip(1).map(str::split_whitespace).collect();
+        assert!(!examples.is_empty());
+        for words in examples {
+            Cli::try_parse_from(words).unwrap();
+        }
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::args::{ChecksArg, FilterArg, RebuildArg, RenderArgs, SamplingArg};
 use crate::error::Failure;
 
 /// Region error of a presentable picture; what is left of the noise is that of a good preview.
-const TARGET_ERROR: f64 = 0.002;
+const TARGET_ERROR: f64 = 0.0014;
 /// Below this a pixel's error is too uncertain to act on (the talk, section 3.2).
 const MIN_SAMPLES: u32 = 16;
 /// The talk's limit: what is not done by then is not worth more of everybody else's time.
@@ -21,7 +21,7 @@ const MAX_SAMPLES: u32 = 4096;
 /// Samples of `--sampling uniform` without `--spp`.
 const UNIFORM_SAMPLES: u32 = 64;
 /// Longer side of a picture without `--size`: the built-in scene is done in well under a minute on two cores.
-const DEFAULT_SIDE: f32 = 960.0;
+const DEFAULT_SIDE: f32 = 640.0;
 /// Shape of a picture whose camera does not care.
 const DEFAULT_ASPECT: f32 = 16.0 / 9.0;
 
@@ -80,23 +80,30 @@ impl Plan {
             max_samples: self.max_samples,
             time_limit: args.time,
             threads: self.threads,
-            machinery: machinery(args),
+            machinery: machinery(args, self.sampling),
         })
     }
 }
 
-fn machinery(args: &RenderArgs) -> Machinery {
+/// The talk free-running is the talk as published, unless flags say otherwise.
+fn machinery(args: &RenderArgs, sampling: Sampling) -> Machinery {
+    let (checks, rebuild) = match sampling {
+        Sampling::FreeRunning => (Checks::StripedLocks, Rebuild::Resummed),
+        _ => (Checks::Published, Rebuild::SummedArea),
+    };
+    let asked_checks = args.checks.map(|checks| match checks {
+        ChecksArg::Locks => Checks::StripedLocks,
+        ChecksArg::Published => Checks::Published,
+    });
+    let asked_rebuild = args.rebuild.map(|rebuild| match rebuild {
+        RebuildArg::Resummed => Rebuild::Resummed,
+        RebuildArg::SummedArea => Rebuild::SummedArea,
+    });
     Machinery {
         lag: args.lag,
         regions_per_axis: args.regions,
-        checks: match args.checks {
-            ChecksArg::Locks => Checks::StripedLocks,
-            ChecksArg::Published => Checks::Published,
-        },
-        rebuild: match args.rebuild {
-            RebuildArg::Resummed => Rebuild::Resummed,
-            RebuildArg::SummedArea => Rebuild::SummedArea,
-        },
+        checks: asked_checks.unwrap_or(checks),
+        rebuild: asked_rebuild.unwrap_or(rebuild),
     }
 }
 
@@ -157,13 +164,23 @@ fn outputs(args: &RenderArgs) -> Result<Vec<(PathBuf, OutputFormat)>, Failure> {
     let mut all: Vec<&Path> = outputs.iter().map(|(path, _)| path.as_path()).collect();
     all.extend(args.stats.as_deref());
     all.extend(args.tree.as_deref());
-    for (i, path) in all.iter().enumerate() {
-        if all[..i].contains(path) {
+    let mut places = Vec::new();
+    for path in all {
+        check_writable(path)?;
+        let place = place(path);
+        if places.contains(&place) {
             return Err(Failure::usage(format!("{}: named twice as an output", path.display())));
         }
-        check_writable(path)?;
+        places.push(place);
     }
     Ok(outputs)
+}
+
+/// Where `path` leads, whether the file exists by now or not: two spellings of one file have one place.
+fn place(path: &Path) -> PathBuf {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let made = || Some(folder.canonicalize().ok()?.join(path.file_name()?));
+    path.canonicalize().ok().or_else(made).unwrap_or_else(|| path.to_owned())
 }
 
 fn default_size(aspect: Option<f32>) -> [u32; 2] {
@@ -244,6 +261,25 @@ mod tests {
     }
 
     #[test]
+    fn free_running_is_the_talk_as_published_unless_told_otherwise() {
+        let machinery = |flags: &str| {
+            let words = ["quietus", "render"].into_iter().chain(flags.split_whitespace());
+            let Some(Command::Render(args)) = Cli::parse_from(words).command else { unreachable!() };
+            let machinery = super::machinery(&args, sampling(&args).unwrap());
+            (machinery.checks, machinery.rebuild)
+        };
+        let talk = (Checks::StripedLocks, Rebuild::Resummed);
+        let ours = (Checks::Published, Rebuild::SummedArea);
+        assert_eq!(machinery("--sampling free-running"), talk);
+        for sampling in ["quietus", "talk", "tile", "dammertz", "pixel", "uniform"] {
+            assert_eq!(machinery(&format!("--sampling {sampling}")), ours, "{sampling}");
+        }
+        let flags = "--sampling free-running --checks published --rebuild summed-area";
+        assert_eq!(machinery(flags), ours);
+        assert_eq!(machinery("--checks locks --rebuild resummed"), talk);
+    }
+
+    #[test]
     fn combinations_that_make_no_sense_are_refused() {
         let refused = [
             ("--spp 9 --sampling tile", "--spp is for --sampling uniform"),
@@ -254,6 +290,7 @@ mod tests {
             ("-o /dev/null.d/a.png", "cannot write"),
             ("-o a.jpg", "unknown picture format"),
             ("-o same.png -o same.png", "named twice"),
+            ("-o same.png -o ./same.png", "./same.png: named twice"),
             ("--stats same.png -o same.png", "named twice"),
         ];
         for (flags, expected) in refused {
@@ -264,10 +301,10 @@ mod tests {
 
     #[test]
     fn pictures_have_the_shape_the_camera_asks_for() {
-        assert_eq!(default_size(None), [960, 540]);
-        assert_eq!(default_size(Some(2.0)), [960, 480]);
-        assert_eq!(default_size(Some(0.5)), [480, 960]);
-        assert_eq!(default_size(Some(1e9)), [960, 1]);
-        assert_eq!(default_size(Some(f32::NAN)), [960, 540]);
+        assert_eq!(default_size(None), [640, 360]);
+        assert_eq!(default_size(Some(2.0)), [640, 320]);
+        assert_eq!(default_size(Some(0.5)), [320, 640]);
+        assert_eq!(default_size(Some(1e9)), [640, 1]);
+        assert_eq!(default_size(Some(f32::NAN)), [640, 360]);
     }
 }

@@ -9,6 +9,7 @@ use quietus_render::{
     Control, Fault, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, render,
     shown_error,
 };
+use quietus_scene::Loaded;
 use quietus_trace::desc::{Camera, SceneDesc};
 use quietus_trace::scene::Scene;
 use quietus_trace::view::View;
@@ -66,20 +67,17 @@ fn scene_name(args: &RenderArgs) -> String {
 }
 
 fn load(args: &RenderArgs) -> Result<SceneDesc, Failure> {
-    let mut scene = match &args.scene {
-        None => quietus_scene::embedded(),
-        Some(path) => {
-            let loaded = quietus_scene::load(path)?;
-            for warning in &loaded.warnings {
-                say::aside(format_args!("warning: {}: {warning}", path.display()));
-            }
-            loaded.scene
-        }
+    let mut loaded = match &args.scene {
+        None => Loaded { scene: quietus_scene::embedded(), warnings: Vec::new() },
+        Some(path) => quietus_scene::load(path)?,
     };
     if let Some(path) = &args.env {
-        scene.environment = Some(quietus_scene::load_environment(path)?);
+        loaded.surround(quietus_scene::load_environment(path)?);
     }
-    Ok(scene)
+    for warning in &loaded.warnings {
+        say::aside(format_args!("warning: {}: {warning}", scene_name(args)));
+    }
+    Ok(loaded.scene)
 }
 
 fn pick_camera<'a>(scene: &'a SceneDesc, name: Option<&str>) -> Result<&'a Camera, Failure> {
@@ -257,13 +255,28 @@ mod tests {
         let fault = Fault { x: 7, y: 9, replicate: 1, index: 20, message: "oh".to_owned() };
         let message = fault_message(&args, &settings, &fault);
         let expected = "the tracer panicked at pixel (7, 9), replicate 1, sample 20, seed 42: oh\n\
-                        this draws the pixel alone: quietus render 'my scene.glb' --size 960x540 --crop 7,9,8,10 \
+                        this draws the pixel alone: quietus render 'my scene.glb' --size 640x360 --crop 7,9,8,10 \
                         --spp 42 --max-depth 5 --filter box --seed 42 --threads 1 -o replay.exr";
         assert_eq!(message, expected);
         let command = message.rsplit(": ").next().unwrap().replace("'my scene.glb'", "scene.glb");
         let replay = parse(&command.split(' ').collect::<Vec<_>>());
         assert_eq!(replay.crop, Some(Window { x0: 7, y0: 9, x1: 8, y1: 10 }));
         assert_eq!((replay.spp, replay.seed, replay.filter), (Some(42), 42, args.filter));
+    }
+
+    #[test]
+    fn the_command_printed_draws_the_sample_that_panicked() {
+        let args = parse(&["quietus", "render", "--size", "24x16", "--seed", "3", "--camera", "main"]);
+        let (plan, fault) =
+            (Plan::new(&args).unwrap(), Fault { x: 7, y: 9, replicate: 1, index: 20, message: "oh".into() });
+        let ready = prepare(&args, &plan).unwrap();
+        let message = fault_message(&args, &ready.settings, &fault);
+        let replay = parse(&message.rsplit(": ").next().unwrap().split(' ').collect::<Vec<_>>());
+        let ready = prepare(&replay, &Plan::new(&replay).unwrap()).unwrap();
+        let rendered = draw(&replay, &ready, &AtomicBool::new(false)).unwrap();
+        // Two replicates of 21 samples each: the last one is number 20.
+        assert_eq!((rendered.film.sample_counts(), rendered.statistics.samples), (vec![42], 42));
+        assert_eq!(ready.settings.window, Window { x0: 7, y0: 9, x1: 8, y1: 10 });
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use clap::ValueEnum;
+use quietus::{Checks, Rebuild};
 use quietus_film::{Metadata, OutputError, write_atomically};
 use quietus_render::{RenderSettings, Rendered, Sampling, Statistics, StoppedBy};
 use serde::Serialize;
@@ -31,8 +32,8 @@ pub(crate) struct Settings {
     threads: usize,
     lag: Option<u32>,
     regions: u32,
-    checks: String,
-    rebuild: String,
+    checks: &'static str,
+    rebuild: &'static str,
 }
 
 impl Settings {
@@ -59,8 +60,14 @@ impl Settings {
             threads: settings.threads.get(),
             lag: (settings.sampling != Sampling::FreeRunning).then_some(args.lag),
             regions: args.regions,
-            checks: name(args.checks),
-            rebuild: name(args.rebuild),
+            checks: match settings.machinery.checks {
+                Checks::StripedLocks => "locks",
+                Checks::Published => "published",
+            },
+            rebuild: match settings.machinery.rebuild {
+                Rebuild::Resummed => "resummed",
+                Rebuild::SummedArea => "summed-area",
+            },
         }
     }
 

@@ -148,8 +148,42 @@ fn statistics_have_the_documented_keys_and_no_others() {
     assert!(stats["samples"].as_u64().unwrap() >= 16 * 48 * 32);
     assert!(stats["rays"].as_u64() > stats["samples"].as_u64());
     assert!(stats["rebuilds"].as_u64().unwrap() > 0);
+    let log = stats["rebuild_log"].as_array().unwrap();
+    assert_eq!(log.len() as u64, stats["rebuilds"].as_u64().unwrap());
+    let (mut longest, mut most_nodes) = (0.0_f64, 0);
+    for entry in log {
+        assert_eq!(keys(entry), documented("Rebuild log"));
+        longest = longest.max(entry["milliseconds"].as_f64().unwrap());
+        most_nodes = most_nodes.max(entry["nodes"].as_u64().unwrap());
+    }
+    assert_eq!(
+        (Some(longest), Some(most_nodes)),
+        (stats["rebuild_ms_max"].as_f64(), stats["tree_nodes_max"].as_u64())
+    );
     let svg = std::fs::read_to_string(dir.path().join("t.svg")).unwrap();
     assert!(svg.starts_with("<svg") && svg.contains("<rect"));
+}
+
+#[test]
+fn an_environment_takes_the_place_of_the_sky_made_up_for_dark_scenes() {
+    let dir = dir();
+    let triangle = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"byteLength": 36, "uri":
+        "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]}"#;
+    std::fs::write(dir.path().join("dark.gltf"), triangle).unwrap();
+    assert!(quietus(dir.path(), "render -o sky.exr --size 8x8 --spp 1").status.success());
+    let camera = "warning: dark.gltf: cameras: the scene has no camera: one that frames it is added\n";
+    let sky =
+        "warning: dark.gltf: the scene has neither lights nor emitters: a plain sky is added to light it\n";
+    let said = |flags: &str| {
+        let output = quietus(dir.path(), &format!("render dark.gltf -o a.png --size 8x8 --spp 1 {flags}"));
+        assert!(output.status.success(), "{}", stderr(&output));
+        stderr(&output)
+    };
+    assert_eq!(said(""), format!("{camera}{sky}"));
+    assert_eq!(said("--env sky.exr"), camera);
 }
 
 #[test]
@@ -175,6 +209,7 @@ fn flags_that_make_no_sense_are_usage_errors() {
         ("render --camera nobody", "no camera is called `nobody`; the scene has `main`"),
         ("render -o picture.jpeg", "picture.jpeg: unknown picture format"),
         ("render -o a.png -o a.png", "a.png: named twice"),
+        ("render -o a.png -o ./a.png", "./a.png: named twice"),
         ("render --sampling sometimes", "invalid value 'sometimes'"),
         ("draw", "unrecognized subcommand 'draw'"),
     ];

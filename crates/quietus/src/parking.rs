@@ -58,6 +58,12 @@ impl ParkingLot {
         self.wake(self.spot(key));
     }
 
+    /// As [`Self::unpark`] for each of `keys`, after changes that were all made before this call.
+    pub(crate) fn unpark_each(&self, keys: impl Iterator<Item = usize>) {
+        fence(Ordering::SeqCst);
+        keys.for_each(|key| self.wake(self.spot(key)));
+    }
+
     /// Wakes everybody.
     pub(crate) fn unpark_all(&self) {
         fence(Ordering::SeqCst);

@@ -72,8 +72,15 @@ pub struct Turn {
     pub tile: u32,
     /// The pass, from 0.
     pub pass: u64,
-    /// Whether the tile's previous visit drew nothing.
-    pub was_quiet: bool,
+}
+
+/// Turns of tiles that follow each other in one pass, none of which draws anything: taken, and finished, at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Skips<'a> {
+    /// The tiles, in visiting order; at least one.
+    pub tiles: &'a [u32],
+    /// The pass, from 0.
+    pub pass: u64,
 }
 
 /// What the last one out is given.
@@ -139,6 +146,10 @@ struct Updates<R> {
 /// Spots to park at: a few times as many as threads that may wait at once.
 const PARKING_SPOTS: usize = if cfg!(any(loom, shuttle)) { 1 } else { 64 };
 
+/// Most tickets taken at once: enough to make the shared counters' cost per skip small, few enough to leave
+/// other threads something to skip.
+const MAX_SKIPS: u64 = 32;
+
 impl<R> Protocol<R> {
     /// Visits in `order`, every tile once; `homes[t]` is tile t's home region and `containing[t]` the regions
     /// whose error area holds it; `states` has what each region's lock guards.
@@ -196,6 +207,32 @@ impl<R> Protocol<R> {
         };
     }
 
+    /// Takes the next tickets at once, as far as their turns have come and `draws_nothing`: of one pass, and not
+    /// too many. `None` where the next ticket is not such a one. Never waits.
+    ///
+    /// Who got them must [`finish_skips`](Self::finish_skips), or [`end`](Self::end) everything.
+    pub fn next_skips(&self, draws_nothing: impl Fn(Turn) -> bool) -> Option<Skips<'_>> {
+        let tiles = self.order.len() as u64;
+        // Relaxed: see `next_turn`.
+        let mut first = self.next_ticket.load(Ordering::Relaxed);
+        loop {
+            let (pass, place) = (first / tiles, (first % tiles) as usize);
+            let end = (place + MAX_SKIPS as usize).min(self.order.len());
+            let is_skip = |&tile: &u32| self.is_due(tile, pass) && draws_nothing(Turn { tile, pass });
+            let count = self.order[place..end].iter().take_while(|tile| is_skip(tile)).count();
+            if count == 0 || self.outcome().is_some() {
+                return None;
+            }
+            // Relaxed: the looks at the tiles have acquired what they saw. They hold if this succeeds: tickets
+            // only grow, so nobody had these visits, and what a due visit reads stays until it is counted.
+            let next = first + count as u64;
+            match self.next_ticket.compare_exchange(first, next, Ordering::Relaxed, Ordering::Relaxed) {
+                Ok(_) => return Some(Skips { tiles: &self.order[place..place + count], pass }),
+                Err(now) => first = now,
+            }
+        }
+    }
+
     /// Takes the next ticket and waits for its turn, asleep. `None` once no more visits are dealt. Time slept
     /// is added to `idle_nanoseconds`.
     ///
@@ -209,39 +246,58 @@ impl<R> Protocol<R> {
         let tiles = self.order.len() as u64;
         let (pass, tile) = (ticket / tiles, self.order[(ticket % tiles) as usize]);
         *idle_nanoseconds += self.await_own_visit(tile, pass) + self.await_trees(tile, pass);
-        // Relaxed: reads what this thread acquired in `await_own_visit`; nobody else writes it now.
-        let was_quiet = self.tiles[tile as usize].visits.load(Ordering::Relaxed) & 1 == 1;
-        self.outcome().is_none().then_some(Turn { tile, pass, was_quiet })
+        self.outcome().is_none().then_some(Turn { tile, pass })
+    }
+
+    /// Whether the tile's visit in `pass` may begin: conditions (a) and (b).
+    fn is_due(&self, tile: u32, pass: u64) -> bool {
+        self.is_after_own_visit(tile, pass)
+            && self
+                .awaited_tree(pass)
+                .is_none_or(|tree| self.awaited_regions(tile).all(|region| self.published(region) > tree))
     }
 
     /// Condition (a): the tile's own visit of the previous pass is finished.
-    fn await_own_visit(&self, tile: u32, pass: u64) -> u64 {
-        if self.suffers(Fault::ForgetOwnVisit) {
-            return 0;
-        }
-        let visits = &self.tiles[tile as usize].visits;
-        self.parked.park_until(tile as usize, || {
-            // Acquire: the tile's counts and errors come with its turn, from the thread that had it before.
-            visits.load(Ordering::Acquire) >> 1 == pass || self.outcome().is_some()
-        })
+    fn is_after_own_visit(&self, tile: u32, pass: u64) -> bool {
+        // Acquire: the tile's counts and errors come with its turn, from the thread that had it before.
+        self.suffers(Fault::ForgetOwnVisit)
+            || self.tiles[tile as usize].visits.load(Ordering::Acquire) >> 1 == pass
     }
 
-    /// Condition (b): the tree of pass - lag exists for every region whose error area contains the tile.
-    fn await_trees(&self, tile: u32, pass: u64) -> u64 {
-        let Mode::Deterministic { lag } = self.mode else { return 0 };
-        let Some(tree) = pass.checked_sub(lag.into()) else { return 0 };
-        let tile = &self.tiles[tile as usize];
-        let mut idle = 0;
-        for region in self.containing(tile) {
-            if self.suffers(Fault::ForgetOverlap) && region != tile.home {
-                continue;
-            }
-            let generation = &self.regions[region as usize].generation;
-            idle += self.parked.park_until(region_spot(region), || {
-                generation.published() > tree || self.outcome().is_some()
-            });
+    fn await_own_visit(&self, tile: u32, pass: u64) -> u64 {
+        let ready = || self.is_after_own_visit(tile, pass) || self.outcome().is_some();
+        self.parked.park_until(tile as usize, ready)
+    }
+
+    /// The tree that condition (b) asks for in `pass`.
+    fn awaited_tree(&self, pass: u64) -> Option<u64> {
+        match self.mode {
+            Mode::Deterministic { lag } => pass.checked_sub(lag.into()),
+            Mode::FreeRunning => None,
         }
-        idle
+    }
+
+    /// The regions whose tree condition (b) asks for: every one whose error area contains the tile.
+    fn awaited_regions(&self, tile: u32) -> impl Iterator<Item = u32> {
+        let tile = &self.tiles[tile as usize];
+        let forgets = self.suffers(Fault::ForgetOverlap);
+        self.containing(tile).filter(move |&region| !forgets || region == tile.home)
+    }
+
+    fn await_trees(&self, tile: u32, pass: u64) -> u64 {
+        let Some(tree) = self.awaited_tree(pass) else { return 0 };
+        self.awaited_regions(tile)
+            .map(|region| {
+                let ready = || self.published(region) > tree || self.outcome().is_some();
+                self.parked.park_until(region_spot(region), ready)
+            })
+            .sum()
+    }
+
+    /// Whether the tile's previous visit drew nothing. For who has its turn.
+    pub fn was_quiet(&self, tile: u32) -> bool {
+        // Relaxed: reads what this thread acquired when the turn came; nobody else writes it now.
+        self.tiles[tile as usize].visits.load(Ordering::Relaxed) & 1 == 1
     }
 
     /// Ends a turn, whose errors are in place. `drew` says whether anything was sampled. The last one out of a
@@ -256,13 +312,42 @@ impl<R> Protocol<R> {
                 self.regions[region as usize].drew[slot].store(true, Ordering::Release);
             }
         }
-        // Release: pairs with the acquire in `await_own_visit`.
-        tile.visits.store((turn.pass + 1) << 1 | u64::from(!drew), Ordering::Release);
+        self.count_tile(turn, drew);
         self.parked.unpark(turn.tile as usize);
         for region in self.containing(tile) {
-            if self.regions[region as usize].counters[slot].count_visit() {
-                self.last_one_out(region, &mut update);
+            self.count_out(region, slot, 1, &mut update);
+        }
+    }
+
+    /// Ends turns that drew nothing and whose errors are in place. As [`Self::finish`] for each of them, but one
+    /// access to a region's counter for all of its home tiles that follow each other.
+    pub fn finish_skips(&self, skips: Skips<'_>, mut update: impl FnMut(Update<'_, R>)) {
+        let Skips { tiles, pass } = skips;
+        let slot = self.slot(pass);
+        tiles.iter().for_each(|&tile| self.count_tile(Turn { tile, pass }, false));
+        self.parked.unpark_each(tiles.iter().map(|&tile| tile as usize));
+        for run in tiles.chunk_by(|&a, &b| self.home(a) == self.home(b)) {
+            self.count_out(self.home(run[0]), slot, run.len() as u32, &mut update);
+        }
+        for &tile in tiles {
+            for region in self.containing(&self.tiles[tile as usize]).skip(1) {
+                self.count_out(region, slot, 1, &mut update);
             }
+        }
+    }
+
+    /// One more visit of the tile is finished: who waits for it may have the tile.
+    fn count_tile(&self, turn: Turn, drew: bool) {
+        // Release: pairs with the acquire in `is_after_own_visit`.
+        self.tiles[turn.tile as usize]
+            .visits
+            .store((turn.pass + 1) << 1 | u64::from(!drew), Ordering::Release);
+    }
+
+    /// Takes finished visits off a region's counter, and rebuilds the region if they were the last.
+    fn count_out(&self, region: u32, slot: usize, visits: u32, update: &mut impl FnMut(Update<'_, R>)) {
+        if self.regions[region as usize].counters[slot].count_visits(visits) {
+            self.last_one_out(region, update);
         }
     }
 

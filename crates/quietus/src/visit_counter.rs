@@ -20,12 +20,15 @@ impl VisitCounter {
         Self { remaining: AtomicI64::new(visits.into()), visits: visits.into() }
     }
 
-    /// Takes one visit off. True for the visit that reached zero: exactly one between two [`Self::rearm`]s.
-    pub fn count_visit(&self) -> bool {
-        // Release: the errors this visit wrote happen before whatever the last one out does next.
+    /// Takes `visits` visits, at least 1, off at once. True where one of them reached zero: exactly once between
+    /// two [`Self::rearm`]s.
+    pub fn count_visits(&self, visits: u32) -> bool {
+        // Release: the errors these visits wrote happen before whatever the last one out does next.
         // Acquire: if this is the last one out, it sees what every earlier visit wrote. Each decrement is a
         // read-modify-write, so all of them form one release sequence and none is skipped.
-        self.remaining.fetch_sub(1, Ordering::AcqRel) == 1
+        let before = self.remaining.fetch_sub(visits.into(), Ordering::AcqRel);
+        // Free-running visits may take it from above zero to below in one step.
+        (1..=i64::from(visits)).contains(&before)
     }
 
     /// Whether the expected visits have all been made.
@@ -72,20 +75,30 @@ mod tests {
     #[test]
     fn the_last_visit_alone_is_told_so() {
         let counter = VisitCounter::new(3);
-        assert_eq!([(); 5].map(|()| counter.count_visit()), [false, false, true, false, false]);
+        assert_eq!([(); 5].map(|()| counter.count_visits(1)), [false, false, true, false, false]);
         assert!(counter.is_exhausted());
         counter.rearm();
         assert_eq!(counter.remaining(), 1, "two early visits stay counted");
-        assert!(counter.count_visit());
+        assert!(counter.count_visits(1));
     }
 
     #[test]
     fn rearming_adds_until_positive() {
         let counter = VisitCounter::new(2);
         (0..7).for_each(|_| {
-            counter.count_visit();
+            counter.count_visits(1);
         });
         counter.rearm();
         assert_eq!(counter.remaining(), 1);
+    }
+
+    #[test]
+    fn visits_taken_off_together_reach_zero_or_cross_it_once() {
+        let counter = VisitCounter::new(5);
+        assert_eq!([3, 2, 2].map(|visits| counter.count_visits(visits)), [false, true, false]);
+        counter.rearm();
+        assert_eq!(counter.remaining(), 3);
+        assert!(counter.count_visits(4), "from above zero to below");
+        assert!(!counter.count_visits(1));
     }
 }

@@ -7,7 +7,10 @@
 //! Each test has a twin that makes a mistake on purpose and demands that the model finds it.
 #![cfg(loom)]
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::{
+    cell::Cell,
+    panic::{AssertUnwindSafe, catch_unwind},
+};
 
 use loom::{
     sync::{
@@ -18,7 +21,7 @@ use loom::{
 };
 use quietus::{
     Mode, Outcome,
-    protocol::{Fault, Protocol},
+    protocol::{Fault, Protocol, Turn, Update},
     published_masks::{Generation, PublishedMasks},
     striped_locks::StripedLocks,
     visit_counter::VisitCounter,
@@ -49,7 +52,7 @@ fn counter_model(rearm: fn(&VisitCounter)) {
         let region = Arc::clone(&region);
         move || {
             for _ in 0..3 {
-                if region.0.count_visit() {
+                if region.0.count_visits(1) {
                     let mut rounds = region.1.lock().unwrap();
                     if region.0.is_exhausted() {
                         let before = region.0.remaining();
@@ -152,6 +155,10 @@ fn announcing_before_the_masks_is_caught() {
 /// protocol orders it.
 struct World {
     protocol: Protocol<()>,
+    lag: u32,
+    passes: u64,
+    /// A pass of which nothing is drawn.
+    skipped: Option<u64>,
     /// Errors by slot and tile: the pass that wrote them, plus 1.
     planes: Vec<[AtomicU32; 2]>,
     /// Trees by slot and region: the generation, plus 1.
@@ -161,74 +168,122 @@ struct World {
 }
 
 /// Two regions of one tile each, which overlap: both errors count in both. `passes` of them, by two threads.
-fn deterministic_model(lag: u32, passes: u64, fault: Option<Fault>) {
+fn deterministic_model(lag: u32, passes: u64, skipped: Option<u64>, fault: Option<Fault>) {
     let mode = Mode::Deterministic { lag };
     let words = || [AtomicU32::new(0), AtomicU32::new(0)];
     let protocol =
         Protocol::new(mode, vec![0, 1], &[0, 1], &[vec![0, 1], vec![0, 1]], vec![(), ()]).with_fault(fault);
     let world = Arc::new(World {
         protocol,
+        lag,
+        passes,
+        skipped,
         planes: (0..lag).map(|_| words()).collect(),
         trees: (0..lag).map(|_| words()).collect(),
         in_flight: words(),
     });
     let other = thread::spawn({
         let world = Arc::clone(&world);
-        move || draw(&world, lag, passes)
+        move || world.draw()
     });
-    draw(&world, lag, passes);
+    world.draw();
     other.join().unwrap();
 }
 
-fn draw(world: &World, lag: u32, passes: u64) {
-    let slot = |number: u64| (number % u64::from(lag)) as usize;
-    while let Some(turn) = world.protocol.next_turn(&mut 0) {
-        if turn.pass >= passes {
-            return world.protocol.end(Outcome::Finished);
-        }
-        let tile = turn.tile as usize;
-        assert_eq!(world.in_flight[tile].fetch_add(1, Relaxed), 0, "a tile is in flight twice");
-        if let Some(tree) = turn.pass.checked_sub(lag.into()) {
-            let found = world.trees[slot(tree)][tile].load(Relaxed);
-            assert_eq!(u64::from(found), tree + 1, "a tile consults another tree than it should");
-        }
-        world.planes[slot(turn.pass)][tile].store(turn.pass as u32 + 1, Relaxed);
-        world.in_flight[tile].fetch_sub(1, Relaxed);
-        world.protocol.finish(turn, true, |update| {
-            for errors in &world.planes[slot(update.generation)] {
-                let found = u64::from(errors.load(Relaxed));
-                assert_eq!(found, update.generation + 1, "a tree is made from another pass's errors");
+impl World {
+    fn draw(&self) {
+        loop {
+            // What a tile consulted before its ticket was taken must hold afterwards.
+            let seen = [Cell::new(0), Cell::new(0)];
+            let draws_nothing = |turn: Turn| {
+                seen[turn.tile as usize].set(self.tree(turn));
+                Some(turn.pass) == self.skipped
+            };
+            // Models without skips leave this out: it would only multiply what there is to explore.
+            let skips = self.skipped.and_then(|_| self.protocol.next_skips(draws_nothing));
+            if let Some(skips) = skips {
+                for &tile in skips.tiles {
+                    self.visit(Turn { tile, pass: skips.pass }, seen[tile as usize].get());
+                }
+                self.protocol.finish_skips(skips, |update| self.update(update));
+                continue;
             }
-            assert!(update.drew);
-            let tree = update.generation as u32 + 1;
-            world.trees[slot(update.generation)][update.region as usize].store(tree, Relaxed);
-        });
+            let Some(turn) = self.protocol.next_turn(&mut 0) else { return };
+            if turn.pass >= self.passes {
+                return self.protocol.end(Outcome::Finished);
+            }
+            self.visit(turn, self.tree(turn));
+            self.protocol.finish(turn, Some(turn.pass) != self.skipped, |update| self.update(update));
+        }
+    }
+
+    fn slot(&self, number: u64) -> usize {
+        (number % u64::from(self.lag)) as usize
+    }
+
+    /// The tree that a visit finds, plus 1; 0 where it consults none.
+    fn tree(&self, Turn { tile, pass }: Turn) -> u64 {
+        match pass.checked_sub(self.lag.into()) {
+            Some(tree) => self.trees[self.slot(tree)][tile as usize].load(Relaxed).into(),
+            None => 0,
+        }
+    }
+
+    fn visit(&self, turn: Turn, found: u64) {
+        let tile = turn.tile as usize;
+        assert_eq!(self.in_flight[tile].fetch_add(1, Relaxed), 0, "a tile is in flight twice");
+        let due = (turn.pass + 1).saturating_sub(self.lag.into());
+        assert_eq!(found, due, "a tile consults another tree than it should");
+        self.planes[self.slot(turn.pass)][tile].store(turn.pass as u32 + 1, Relaxed);
+        self.in_flight[tile].fetch_sub(1, Relaxed);
+    }
+
+    fn update(&self, update: Update<'_, ()>) {
+        for errors in &self.planes[self.slot(update.generation)] {
+            let found = u64::from(errors.load(Relaxed));
+            assert_eq!(found, update.generation + 1, "a tree is made from another pass's errors");
+        }
+        assert_eq!(update.drew, Some(update.generation) != self.skipped);
+        let tree = update.generation as u32 + 1;
+        self.trees[self.slot(update.generation)][update.region as usize].store(tree, Relaxed);
     }
 }
 
 #[test]
+fn skips_taken_together_meet_what_they_should() {
+    check(2, || deterministic_model(1, 2, Some(1), None));
+}
+
+#[test]
+fn skips_that_forget_the_overlap_are_caught() {
+    must_fail(2, "another pass's errors", || deterministic_model(1, 2, Some(1), Some(Fault::ForgetOverlap)));
+}
+
+#[test]
 fn trees_and_errors_meet_as_they_should_at_lag_2() {
-    check(2, || deterministic_model(2, 3, None));
+    check(2, || deterministic_model(2, 3, None, None));
 }
 
 #[test]
 fn trees_and_errors_meet_as_they_should_at_lag_1() {
-    check(2, || deterministic_model(1, 2, None));
+    check(2, || deterministic_model(1, 2, None, None));
 }
 
 #[test]
 fn forgetting_the_overlap_is_caught() {
-    must_fail(2, "another pass's errors", || deterministic_model(2, 3, Some(Fault::ForgetOverlap)));
+    must_fail(2, "another pass's errors", || deterministic_model(2, 3, None, Some(Fault::ForgetOverlap)));
 }
 
 #[test]
 fn forgetting_the_own_visit_is_caught() {
-    must_fail(2, "in flight twice", || deterministic_model(2, 3, Some(Fault::ForgetOwnVisit)));
+    must_fail(2, "in flight twice", || deterministic_model(2, 3, None, Some(Fault::ForgetOwnVisit)));
 }
 
 #[test]
 fn announcing_a_tree_before_it_is_made_is_caught() {
-    must_fail(2, "another tree than it should", || deterministic_model(1, 2, Some(Fault::PublishEarly)));
+    must_fail(2, "another tree than it should", || {
+        deterministic_model(1, 2, None, Some(Fault::PublishEarly))
+    });
 }
 
 /// One region of two tiles, free-running: every visit is counted, also those that come while the tree is made.

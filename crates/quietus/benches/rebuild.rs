@@ -41,18 +41,30 @@ fn rule(width: u32, height: u32, scale: f32, rebuild: Rebuild) -> (Box<dyn Stopp
     (Policy::Quietus.rule(&settings, 0), plane)
 }
 
+/// Stages of a render, and the scale of its errors in each.
+const STAGES: [(&str, f32); 5] =
+    [("early", 1.0), ("worst", 0.25), ("mid", 0.15), ("late", 0.04), ("done", 0.000_2)];
+
+/// The share of the quadrant's pixels that are active.
+fn active_share(rule: &dyn StoppingRule, width: u32, height: u32) -> f64 {
+    let regions = Regions::new(TileGrid::new(width, height), 2);
+    let active: u32 = regions.home_tiles(0).map(|tile| rule.active(tile).count_ones()).sum();
+    f64::from(active) / regions.home_rect(0).area() as f64
+}
+
 fn rebuild(criterion: &mut Criterion) {
     for (width, height) in [(2048, 858), (3840, 2160)] {
         let mut group = criterion.benchmark_group(format!("rebuild {width}x{height}"));
         group.sample_size(10);
-        // A render's errors fall by the square root of its samples: 4, 256 and 4096 of them.
-        for (stage, scale) in [("early", 0.05), ("mid", 0.006), ("late", 0.0015), ("worst", 0.000_2)] {
+        // As errors fall: too noisy to split at all; a third of the pixels active; a few percent; none. The most
+        // nodes are those just after the first: `worst`.
+        for (stage, scale) in STAGES {
             for (name, way) in [("resummed", Rebuild::Resummed), ("summed-area", Rebuild::SummedArea)] {
                 let (mut rule, plane) = rule(width, height, scale, way);
                 rule.update(&plane);
                 let nodes = rule.tree().map_or(0, |tree| tree.nodes().len());
-                let leaves = rule.tree().map_or(0, |tree| tree.leaves().filter(|l| !l.complete).count());
-                eprintln!("{width}x{height} {stage} {name}: {nodes} nodes, {leaves} active leaves");
+                let share = 100.0 * active_share(&*rule, width, height);
+                eprintln!("{width}x{height} {stage} {name}: {nodes} nodes, {share:.1} % of pixels active");
                 group.bench_function(BenchmarkId::new(name, stage), |b| {
                     b.iter_custom(|iterations| {
                         // Time of this thread, not of the clock on the wall: other work on the machine counts less.

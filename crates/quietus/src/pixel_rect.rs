@@ -125,19 +125,38 @@ impl Area {
     }
 
     /// The pixels it touches: bounds rounded **outward** (the talk, section 3.1), so that neighbours may share
-    /// a pixel and none is lost between them.
+    /// a pixel and none is lost between them. Edges lie at 0 or above.
     pub fn rounded_outward(&self) -> PixelRect {
-        PixelRect {
-            x0: self.x0.floor() as u32,
-            y0: self.y0.floor() as u32,
-            x1: self.x1.ceil() as u32,
-            y1: self.y1.ceil() as u32,
-        }
+        // By conversion, which truncates: `floor` and `ceil` are library calls on plain x86-64.
+        let up = |edge: f64| {
+            let down = edge as u32;
+            down + u32::from(f64::from(down) < edge)
+        };
+        PixelRect { x0: self.x0 as u32, y0: self.y0 as u32, x1: up(self.x1), y1: up(self.y1) }
     }
 }
 
 impl From<PixelRect> for Area {
     fn from(rect: PixelRect) -> Self {
         Self { x0: rect.x0.into(), y0: rect.y0.into(), x1: rect.x1.into(), y1: rect.y1.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn rounding_outward_is_floor_and_ceiling(edges: [u16; 4], eighths: [bool; 4]) {
+            let [x0, y0, x1, y1] =
+                std::array::from_fn(|i| f64::from(edges[i]) + if eighths[i] { 0.125 } else { 0.0 });
+            let rect = Area { x0, y0, x1, y1 }.rounded_outward();
+            prop_assert_eq!(
+                [rect.x0, rect.y0, rect.x1, rect.y1].map(f64::from),
+                [x0.floor(), y0.floor(), x1.ceil(), y1.ceil()]
+            );
+        }
     }
 }

@@ -74,21 +74,39 @@ impl RegionTree {
     /// - else an active leaf.
     pub fn rebuild(&mut self, sums: &impl ErrorSums, settings: &TreeSettings) {
         self.nodes.clear();
-        self.nodes.push(node(sums.bounds().into(), sums, settings));
-        let mut index = 0;
-        while index < self.nodes.len() {
-            let Node { area, error, complete, .. } = self.nodes[index];
-            let splits = error < SPLIT_FACTOR * settings.target_error && area.longer_side() > 2.0 * MIN_SIDE;
-            if !complete && splits {
-                let axis = area.longer_axis();
-                let (first, second) = area.split(axis, split_position(&area, axis, sums, settings.split));
-                self.nodes[index].children = Some(self.nodes.len() as u32);
-                self.nodes.push(node(first, sums, settings));
-                self.nodes.push(node(second, sums, settings));
-            }
-            index += 1;
+        // Depth first: a node's children are split while its part of the sums is still in the cache.
+        let mut open = Vec::with_capacity(64);
+        self.add(sums.bounds().into(), sums, settings, &mut open);
+        while let Some((index, sum)) = open.pop() {
+            let area = self.nodes[index].area;
+            let axis = area.longer_axis();
+            let (first, second) = area.split(axis, split_position(&area, axis, sums, sum, settings.split));
+            self.nodes[index].children = Some(self.nodes.len() as u32);
+            self.add(first, sums, settings, &mut open);
+            self.add(second, sums, settings, &mut open);
         }
         self.mark_complete_parents();
+    }
+
+    /// Adds a leaf over `area`, and to `open` its index and the sum of its errors where it is to be split.
+    ///
+    /// The sum runs over all pixels of the outward-rounded rectangle and is set against the real-valued area, as
+    /// published practice has it.
+    fn add(
+        &mut self,
+        area: Area,
+        sums: &impl ErrorSums,
+        settings: &TreeSettings,
+        open: &mut Vec<(usize, u64)>,
+    ) {
+        let sum = sums.sum(&area.rounded_outward());
+        let error = region_error(sum, area.pixels(), settings.frame_area);
+        let side = area.longer_side();
+        let complete = error < settings.target_error && side < MAX_COMPLETE_SIDE;
+        if !complete && error < SPLIT_FACTOR * settings.target_error && side > 2.0 * MIN_SIDE {
+            open.push((self.nodes.len(), sum));
+        }
+        self.nodes.push(Node { area, error, children: None, complete });
     }
 
     /// Inner nodes are complete when both children are. Children stand after their parents.
@@ -146,21 +164,12 @@ impl RegionTree {
     }
 }
 
-/// A leaf over `area`. The sum runs over all pixels of the outward-rounded rectangle and is set against the
-/// real-valued area, as published practice has it.
-fn node(area: Area, sums: &impl ErrorSums, settings: &TreeSettings) -> Node {
-    let error = region_error(sums.sum(&area.rounded_outward()), area.pixels(), settings.frame_area);
-    let complete = error < settings.target_error && area.longer_side() < MAX_COMPLETE_SIDE;
-    Node { area, error, children: None, complete }
-}
-
 /// Where the error on both sides is equal: the half-way point of the running sum of marginal errors, linear
 /// inside the column (row) that holds it, clamped so that each side keeps at least [`MIN_SIDE`]. The middle,
-/// where there is no error at all.
-fn split_position(area: &Area, axis: Axis, sums: &impl ErrorSums, split: Split) -> f64 {
+/// where there is no error at all. `total` is the sum of the errors.
+fn split_position(area: &Area, axis: Axis, sums: &impl ErrorSums, total: u64, split: Split) -> f64 {
     let (start, end) = area.bounds(axis);
     let rect = area.rounded_outward();
-    let total = sums.sum(&rect);
     let position = match sums.half_way(&rect, axis, total) {
         // (total / 2 - before) / within, with the halves taken last so that the integers stay exact.
         Some(half) => f64::from(half.index) + (total - 2 * half.before) as f64 / (2 * half.within) as f64,

@@ -154,13 +154,28 @@ impl ErrorSums for SummedArea {
             Axis::X => self.corner(index, rect.y1) - self.corner(index, rect.y0) - base,
             Axis::Y => self.corner(rect.x1, index) - self.corner(rect.x0, index) - base,
         };
-        // The lowest index with 2 * up_to(index + 1) >= total.
-        let (mut low, mut high) = (start, end - 1);
+        // The lowest index with 2 * up_to(index + 1) >= total lies in low..=high; `below` and `above` are the sums
+        // at the ends, up_to(low) and up_to(high + 1). It is looked for where it would be if the errors between
+        // were even, and every other time in the middle, so that the worst case stays logarithmic.
+        let (mut low, mut high, mut below, mut above) = (start, end - 1, 0, total);
+        let mut interpolates = true;
         while low < high {
-            let middle = low + (high - low) / 2;
-            if 2 * up_to(middle + 1) >= total { high = middle } else { low = middle + 1 }
+            let span = u64::from(high - low);
+            let step = match interpolates {
+                // In floating point: it is but a guess, and whatever it is, the answer is the same.
+                true => ((total / 2 - below) as f64 / (above - below) as f64 * (span + 1) as f64) as u64,
+                false => span / 2,
+            };
+            let index = low + step.min(span - 1) as u32;
+            let sum = up_to(index + 1);
+            if 2 * sum >= total {
+                (high, above) = (index, sum)
+            } else {
+                (low, below) = (index + 1, sum)
+            }
+            interpolates = !interpolates;
         }
-        let before = up_to(low);
-        Some(HalfWay { index: low, before, within: up_to(low + 1) - before })
+        let before = below;
+        Some(HalfWay { index: low, before, within: above - before })
     }
 }

@@ -6,6 +6,7 @@
 use std::ops::Range;
 
 use crate::{
+    pass_schedule::replicate_share,
     sync::{AtomicU32, Ordering},
     tile::TILE_PIXELS,
 };
@@ -52,8 +53,7 @@ impl SampleCounts {
     /// Replicates stay equal where `total` is a multiple of their number; otherwise the first ones get one more.
     pub(crate) fn run(&self, tile: u32, pixel: u8, replicate: u32, total: u32) -> Range<u32> {
         let first = self.replicate(tile, pixel, replicate);
-        let share = (total + self.replicates - 1 - replicate) / self.replicates;
-        first..share.max(first)
+        first..replicate_share(total, self.replicates, replicate).max(first)
     }
 
     /// Records that the pixel's replicates together hold `total` samples.
@@ -72,6 +72,14 @@ impl SampleCounts {
 #[cfg(all(test, not(any(loom, shuttle))))]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_largest_maximum_is_shared_without_overflow() {
+        let counts = SampleCounts::new(1, 2);
+        counts.advance(0, 0, u32::MAX);
+        assert_eq!([0, 1].map(|r| counts.replicate(0, 0, r)), [1 << 31, (1 << 31) - 1]);
+        assert_eq!(counts.pixel(0, 0), u32::MAX);
+    }
 
     #[test]
     fn runs_join_without_gaps_and_stay_balanced() {

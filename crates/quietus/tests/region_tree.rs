@@ -34,7 +34,7 @@ fn plane(grid: TileGrid, error: impl Fn(u32, u32) -> f32) -> ErrorPlane {
 /// Noise with zero plateaus, rejected pixels and a few very large errors.
 fn noisy(seed: u64) -> impl Fn(u32, u32) -> f32 {
     move |x, y| match hash(seed ^ u64::from(x) << 32 ^ u64::from(y)) {
-        h if hash(seed ^ u64::from(x / 20) << 40 ^ u64::from(y / 20)) % 4 == 0 || h % 7 == 0 => 0.0,
+        h if hash(seed ^ u64::from(x / 20) << 40 ^ u64::from(y / 20)).is_multiple_of(4) || h % 7 == 0 => 0.0,
         h if h % 1013 == 0 => f32::NAN,
         h if h % 509 == 0 => 1e6,
         h => (h >> 40) as f32 / (1 << 24) as f32,

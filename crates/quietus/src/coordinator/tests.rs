@@ -224,6 +224,55 @@ fn a_tree_announced_before_it_is_made_is_caught() {
     assert!(remains(&broken, visits) != alone, "the mistake was not caught");
 }
 
+/// Cover and conservation: each pass visits each tile exactly once, and each region is counted out by exactly its
+/// tiles: after whole passes its counter stands where it began, and as many trees are made as there were passes.
+#[test]
+fn tiles_are_covered_and_conserved_at_awkward_sizes() {
+    for (width, height) in [(1, 1), (7, 3), (8, 8), (9, 17), (4096, 1), (1921, 1081)] {
+        for regions_per_axis in [1, 2, 3] {
+            let passes = 3;
+            let settings = Settings {
+                regions_per_axis,
+                policy: Policy::Uniform,
+                min_samples: 1,
+                max_samples: passes,
+                schedule: PassSchedule::new(1, 1, 0),
+                replicates: 1,
+                ..Settings::new(width, height)
+            };
+            let sampling = AdaptiveSampling::new(settings).unwrap();
+            let tiles = sampling.grid().tiles();
+            let mut covered = 0;
+            for region in 0..sampling.regions.len() {
+                let error_tiles = sampling.regions.error_tiles(region).count() as i64;
+                assert_eq!(sampling.protocol.remaining_visits(region), error_tiles, "{width}x{height}");
+            }
+            let mut worker = sampling.worker();
+            for ticket in 0..passes * tiles {
+                let visit = worker.next_visit().unwrap();
+                assert_eq!(visit.pass(), u64::from(ticket / tiles), "{width}x{height}");
+                assert_eq!(visit.mask(), sampling.grid().full_mask(visit.tile()));
+                covered += u64::from(visit.mask().count_ones());
+                visit.finish(&[PixelError::ZERO; TILE_PIXELS]);
+            }
+            // Every tile, `passes` times: none twice in a pass, or another would be short of one.
+            assert!((0..tiles).all(|tile| sampling.protocol.finished_visits(tile) == u64::from(passes)));
+            assert_eq!(covered, u64::from(passes) * u64::from(width) * u64::from(height));
+            for region in 0..sampling.regions.len() {
+                let error_tiles = sampling.regions.error_tiles(region).count() as i64;
+                assert_eq!(sampling.protocol.remaining_visits(region), error_tiles, "{width}x{height}");
+                assert_eq!(sampling.protocol.published(region), u64::from(passes), "{width}x{height}");
+            }
+            // Now every visit is a skip, many at a time.
+            assert!(worker.next_visit().is_none());
+            drop(worker);
+            assert!(sampling.is_finished());
+            let quiet = (sampling.protocol.published(0) - u64::from(passes)) * u64::from(tiles);
+            assert!(sampling.statistics().skips >= quiet && quiet > 0, "{width}x{height}");
+        }
+    }
+}
+
 #[test]
 fn free_running_ends_with_nothing_left_to_draw() {
     for checks in [Checks::StripedLocks, Checks::Published] {

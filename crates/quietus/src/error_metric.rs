@@ -19,8 +19,9 @@ impl PixelError {
     pub const ZERO: Self = Self(0);
     /// The largest error, just below 4096. An infinity would poison every sum that holds it.
     pub const MAX: Self = Self(u32::MAX - 1);
-    /// A pixel without a usable estimate, because its samples were rejected. It is left out of every region's
-    /// error: it neither keeps a region open for ever nor counts as converged.
+    /// A pixel without a usable estimate, because its samples were rejected. It adds nothing to its region's
+    /// error, so that it never keeps a region open; its area stays part of the region's, which therefore stops a
+    /// little early where such pixels are many. Who reports them is the renderer, which rejected the samples.
     pub const REJECTED: Self = Self(u32::MAX);
 
     /// Rounds to the nearest step. Values above the cap, and infinity, become [`Self::MAX`]; negative ones 0;

@@ -151,7 +151,8 @@ impl AdaptiveSampling {
         self.checks.active(tile, home, trees.saturating_sub(1))
     }
 
-    /// The share of pixels that are complete in the latest trees, in 0..=1.
+    /// The share of pixels that are complete in the latest trees, in 0..=1. Pixels that stopped at the maximum of
+    /// samples while their region was active are not among them; rejected pixels share the fate of their region.
     pub fn converged_fraction(&self) -> f64 {
         // Relaxed: a progress report.
         let active: u64 = self.progress.iter().map(|p| p.active_pixels.load(Ordering::Relaxed)).sum();

@@ -65,7 +65,8 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = parse_method)]
     methods: Vec<Method>,
 
-    /// Samples per pixel at which they are compared. [default: 24,32,48,64,96,128,192,256, as far as samples reach]
+    /// Samples per pixel at which they are compared. [default: 24,32,48,64,96,128,192,256, as far as samples
+    /// reach]
     #[arg(long, value_name = "SPP,...", value_delimiter = ',', value_parser = parse_budget)]
     #[arg(allow_negative_numbers = true)]
     budgets: Vec<f64>,

@@ -32,8 +32,8 @@ pub struct UniformCurve {
     pub points: Vec<(f64, f64)>,
     /// The exponent a of the fit `error = c n^-a`: 1 for independent samples.
     pub exponent: f64,
-    /// What the best allocation that is blind to the values it keeps could gain ([`crate::limit`]); none where the
-    /// error does not fall as noise does.
+    /// What the best allocation that is blind to the values it keeps could gain ([`crate::limit`]); none
+    /// where the error does not fall as noise does.
     pub limit: Option<f64>,
 }
 
@@ -60,8 +60,8 @@ pub struct Point {
     pub p999: f64,
     /// Relative bias, against uniform sampling of the same samples.
     pub bias: Bias,
-    /// Block energy, edge steps and edge error, on the tile grid over displaced, relative to the same for uniform
-    /// sampling: 1 where the error knows no tiles.
+    /// Block energy, edge steps and edge error, on the tile grid over displaced, relative to the same for
+    /// uniform sampling: 1 where the error knows no tiles.
     pub structure: [Estimate; 3],
     /// Share of the picture in which sampling stopped.
     pub stopped: f64,
@@ -88,7 +88,8 @@ pub struct ErrorPoint {
     pub gain: Estimate,
     /// The same for rays.
     pub gain_in_rays: Estimate,
-    /// Whether the error is below (above) all that uniform sampling was measured at, so that its fit was extended.
+    /// Whether the error is below (above) all that uniform sampling was measured at, so that its fit was
+    /// extended.
     pub extrapolated: bool,
     /// `(gain - 1) / (limit - 1)`.
     pub share_of_limit: Option<Estimate>,
@@ -101,7 +102,8 @@ pub struct Bias {
     pub picture: Estimate,
     /// Of the fifth that is darkest in the reference.
     pub darkest_fifth: Estimate,
-    /// Of the tile that has most, chosen by one half of the runs and measured by the other, and the other way round.
+    /// Of the tile that has most, chosen by one half of the runs and measured by the other, and the other way
+    /// round.
     pub worst_tile: Estimate,
 }
 
@@ -148,7 +150,8 @@ impl Curve {
         Self { exponent: -moment(1) / moment(0), points }
     }
 
-    /// Samples at which the error is `error`, and whether that is beyond the points. NaN for no positive error.
+    /// Samples at which the error is `error`, and whether that is beyond the points. NaN for no positive
+    /// error.
     fn samples(&self, error: f64) -> (f64, bool) {
         let wanted = error.ln();
         let falls = |pair: &&[[f64; 2]]| pair[0][1] >= wanted && wanted >= pair[1][1];
@@ -249,8 +252,8 @@ fn bias(series: &Series, control: &Series, meter: &EnergyMeter) -> Bias {
     }
 }
 
-/// The bias of the most biased tile. Choosing and measuring by the same runs would find bias in noise: each half of
-/// the runs chooses the tile whose bias is surest to be far from 0, the other half measures it.
+/// The bias of the most biased tile. Choosing and measuring by the same runs would find bias in noise: each
+/// half of the runs chooses the tile whose bias is surest to be far from 0, the other half measures it.
 fn worst_tile(runs: &[Vec<f64>]) -> Estimate {
     let (even, odd): (Vec<_>, Vec<_>) = runs.iter().enumerate().partition(|(i, _)| i % 2 == 0);
     let halves = [even, odd].map(|half| half.into_iter().map(|(_, tiles)| tiles).collect::<Vec<_>>());

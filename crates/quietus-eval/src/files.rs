@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use crate::EvalError;
 
-/// Where banks and references are kept: `$XDG_CACHE_HOME/quietus/eval`, else `~/.cache/quietus/eval`, else the
-/// system's directory for temporary files.
+/// Where banks and references are kept: `$XDG_CACHE_HOME/quietus/eval`, else `~/.cache/quietus/eval`, else
+/// the system's directory for temporary files.
 pub fn cache_directory() -> PathBuf {
     let set = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let cache = set("XDG_CACHE_HOME").or_else(|| set("HOME").map(|home| home.join(".cache")));

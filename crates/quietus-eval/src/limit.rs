@@ -1,20 +1,20 @@
-//! The limit: what the best allocation of samples could gain over uniform sampling, if it knew every pixel's noise and
-//! did not look at the values it keeps.
+//! The limit: what the best allocation of samples could gain over uniform sampling, if it knew every pixel's
+//! noise and did not look at the values it keeps.
 //!
 //! With a squared error of `w s^2 n^-a` in a pixel of `n` samples (a = 1 for independent ones, more for
-//! low-discrepancy sequences), the sum over pixels is least, at a given number of samples, for n in proportion to
-//! `(w s^2)^(1 / (1 + a))` (Lagrange). Against uniform sampling the error then falls by
-//! `E = mean(w s^2) / mean((w s^2)^(1 / (1 + a)))^(1 + a)`, and at equal error the samples by `L = E^(1 / a)`; for a = 1
-//! both are `mean(w s^2) / mean(sqrt(w) s)^2`.
+//! low-discrepancy sequences), the sum over pixels is least, at a given number of samples, for n in
+//! proportion to `(w s^2)^(1 / (1 + a))` (Lagrange). Against uniform sampling the error then falls by `E =
+//! mean(w s^2) / mean((w s^2)^(1 / (1 + a)))^(1 + a)`, and at equal error the samples by `L = E^(1 / a)`; for
+//! a = 1 both are `mean(w s^2) / mean(sqrt(w) s)^2`.
 
 use crate::{Reference, measure::Measure};
 
-/// Side of the square of pixels that variances are pooled over. Raw variances of heavy-tailed samples are so uneven
-/// by chance that they would put the limit far too high.
+/// Side of the square of pixels that variances are pooled over. Raw variances of heavy-tailed samples are so
+/// uneven by chance that they would put the limit far too high.
 const POOL: i64 = 5;
 
-/// Least exponent that the limit is stated for. Errors that fall more slowly are not the noise this model speaks of:
-/// clipped ones, for instance, which more samples of a heavy tail can even raise.
+/// Least exponent that the limit is stated for. Errors that fall more slowly are not the noise this model
+/// speaks of: clipped ones, for instance, which more samples of a heavy tail can even raise.
 const LEAST_EXPONENT: f64 = 0.5;
 
 /// The limit L of the gain in samples at equal error, for errors that fall as `n^-exponent`; none below
@@ -61,7 +61,8 @@ mod tests {
             (limit(&reference, Measure::Mse, 1.0).unwrap() - 1.0).abs() < 1e-12,
             "even noise: nothing to gain"
         );
-        // Two halves of standard deviations 1 and 3, far larger than the pool: mean of squares 5, square of the mean 4.
+        // Two halves of standard deviations 1 and 3, far larger than the pool: mean of squares 5, square of
+        // the mean 4.
         let mut wide = flat(4000, 10, 0.5, 0.0);
         wide.sample_variance.iter_mut().enumerate().for_each(|(i, v)| {
             *v = [if i % 4000 < 2000 { 1.0 } else { 9.0 }; 3];

@@ -1,7 +1,7 @@
 //! One sample in eight bytes: three 21-bit floats and a bit of alpha.
 //!
-//! A 21-bit float is an `f32` without its sign (radiance is never negative) and without its 10 lowest bits, rounded
-//! to nearest, ties to even: the full range of `f32` at a relative error of at most 2^-14.
+//! A 21-bit float is an `f32` without its sign (radiance is never negative) and without its 10 lowest bits,
+//! rounded to nearest, ties to even: the full range of `f32` at a relative error of at most 2^-14.
 
 use glam::Vec3;
 

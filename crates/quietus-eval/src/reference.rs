@@ -85,8 +85,8 @@ impl Reference {
         })
     }
 
-    /// Reads the reference of `spec` at `path`, or draws it and keeps it there, also where the tracer draws the scene
-    /// differently today. `drawing` is called where it is drawn.
+    /// Reads the reference of `spec` at `path`, or draws it and keeps it there, also where the tracer draws
+    /// the scene differently today. `drawing` is called where it is drawn.
     ///
     /// # Errors
     /// Where the scene cannot be drawn, or the file cannot be written.
@@ -294,13 +294,15 @@ mod tests {
             squares: [values.iter().map(|v| v * v).sum(); 3],
         };
         let m = moments([stream(&[1.0, 3.0]), stream(&[5.0, 7.0])].into_iter());
-        // Stream means 2 and 6: variance 8 between them, 4 of their mean. All values: mean 4, variance 20 / 3.
+        // Stream means 2 and 6: variance 8 between them, 4 of their mean. All values: mean 4, variance 20 /
+        // 3.
         assert_eq!((m.mean[0], m.variance[1]), (4.0, 4.0));
         assert!((m.sample_variance[2] - 20.0 / 3.0).abs() < 1e-6);
     }
 
-    /// The stated variances are the ones by which two references differ: `(a - b)^2 - var_a - var_b` has mean 0. Pixels
-    /// are independent, so their mean is tested against its own standard error (z-test, two-sided at 1e-6).
+    /// The stated variances are the ones by which two references differ: `(a - b)^2 - var_a - var_b` has mean
+    /// 0. Pixels are independent, so their mean is tested against its own standard error (z-test, two-sided
+    /// at 1e-6).
     #[test]
     fn the_variance_is_honest() {
         let subject = Subject::embedded().unwrap();

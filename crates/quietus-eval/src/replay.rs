@@ -35,16 +35,17 @@ impl Replay {
     }
 }
 
-/// Runs the policy of `settings` on `bank` with Dammertz's metric, on the calling thread. Equal arguments give
-/// equal results.
+/// Runs the policy of `settings` on `bank` with Dammertz's metric, on the calling thread. Equal arguments
+/// give equal results.
 ///
-/// `run` numbers the run: the first `streams / replicates` ones share no sample (with two replicates, run k has
-/// the very samples of the live render with the bank's seed plus k), later ones deal each pixel's streams anew; see
-/// the bank's description. In free-running mode the visits come in the order in which one thread does them.
+/// `run` numbers the run: the first `streams / replicates` ones share no sample (with two replicates, run k
+/// has the very samples of the live render with the bank's seed plus k), later ones deal each pixel's streams
+/// anew; see the bank's description. In free-running mode the visits come in the order in which one thread
+/// does them.
 ///
 /// # Errors
-/// Where the library refuses the settings, or they do not fit the bank: another size, a crop, more replicates than
-/// streams, or a maximum of samples the streams do not hold.
+/// Where the library refuses the settings, or they do not fit the bank: another size, a crop, more replicates
+/// than streams, or a maximum of samples the streams do not hold.
 pub fn replay(bank: &Bank, settings: &Settings, run: u64) -> Result<Replay, EvalError> {
     replay_with(bank, settings, &DammertzMetric, run)
 }
@@ -107,7 +108,8 @@ fn fits(bank: &Bank, settings: &Settings) -> Result<(), EvalError> {
     Ok(())
 }
 
-/// One replicate of one pixel, summed and rounded as the film does: replays take the decisions of live renders.
+/// One replicate of one pixel, summed and rounded as the film does: replays take the decisions of live
+/// renders.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     channels: [f32; 4],
@@ -237,8 +239,8 @@ fn unfinished(sampling: &AdaptiveSampling) -> Vec<bool> {
     active
 }
 
-/// Complete leaves of the trees, each once: a leaf in the overlap of two regions belongs to the one whose home
-/// holds its centre.
+/// Complete leaves of the trees, each once: a leaf in the overlap of two regions belongs to the one whose
+/// home holds its centre.
 fn stopped(sampling: &AdaptiveSampling) -> Vec<quietus::Area> {
     let regions = quietus::Regions::new(*sampling.grid(), sampling.settings().regions_per_axis);
     let mut areas = Vec::new();

@@ -1,12 +1,12 @@
 //! Which streams of a bank a run uses: many runs from one bank, and how independent they are.
 //!
 //! A bank of S streams has room for G = S / R runs of R replicates that share no sample. They are the runs of
-//! *round 0*: run k uses streams `R k .. R (k + 1)` of every pixel, with R = 2 the very samples of the live render
-//! with seed `seed + k`. Each later round deals the streams anew: every pixel shuffles its own S streams, run `g` of
-//! the round gets the `g`-th R of them. As streams are independent of each other and between pixels, every run of
-//! every round is distributed as a live render is, and runs of one round are independent of each other; runs of
-//! different rounds share samples, though, and a mean over many rounds converges to what this bank says, not to
-//! the truth. Standard errors are therefore taken within rounds.
+//! *round 0*: run k uses streams `R k .. R (k + 1)` of every pixel, with R = 2 the very samples of the live
+//! render with seed `seed + k`. Each later round deals the streams anew: every pixel shuffles its own S
+//! streams, run `g` of the round gets the `g`-th R of them. As streams are independent of each other and
+//! between pixels, every run of every round is distributed as a live render is, and runs of one round are
+//! independent of each other; runs of different rounds share samples, though, and a mean over many rounds
+//! converges to what this bank says, not to the truth. Standard errors are therefore taken within rounds.
 
 /// The shuffled streams of one run.
 pub(crate) struct Deal {
@@ -100,8 +100,8 @@ mod tests {
         }
     }
 
-    /// Every ordered pair of streams is equally likely: chi-square over 12 cells, 11 degrees of freedom, whose
-    /// quantile at 1 - 1e-6 is 49.3.
+    /// Every ordered pair of streams is equally likely: chi-square over 12 cells, 11 degrees of freedom,
+    /// whose quantile at 1 - 1e-6 is 49.3.
     #[test]
     fn shuffles_are_fair() {
         let mut cells = [[0.0_f64; 4]; 4];

@@ -43,8 +43,9 @@ pub(crate) fn mean(values: &[f64]) -> f64 {
 /// Resamples of a bootstrap: the 2.5 % tails then hold 50 of them.
 const RESAMPLES: u64 = 2000;
 
-/// A statistic of `runs` independent runs with its percentile bootstrap interval (Efron 1979): `statistic` is given the
-/// numbers of the runs to use, with repeats. Statistics that are not finite are left out of the tails.
+/// A statistic of `runs` independent runs with its percentile bootstrap interval (Efron 1979): `statistic` is
+/// given the numbers of the runs to use, with repeats. Statistics that are not finite are left out of the
+/// tails.
 pub fn bootstrap(runs: usize, statistic: impl Fn(&[usize]) -> f64) -> Estimate {
     let all: Vec<usize> = (0..runs).collect();
     let mut resampled: Vec<f64> = (0..RESAMPLES)
@@ -77,9 +78,9 @@ mod tests {
         assert_eq!(mean_interval(&[1.0]).high, f64::INFINITY);
     }
 
-    /// The interval of a mean covers the truth in 95 % of all experiments, less what the percentile bootstrap is known
-    /// to lack for small samples: of 400 experiments with 40 values each, coverage between 0.90 and 0.98 is within
-    /// 5 standard deviations (0.011) of 0.95.
+    /// The interval of a mean covers the truth in 95 % of all experiments, less what the percentile bootstrap
+    /// is known to lack for small samples: of 400 experiments with 40 values each, coverage between 0.90 and
+    /// 0.98 is within 5 standard deviations (0.011) of 0.95.
     #[test]
     fn bootstrap_intervals_cover() {
         let mut random = Random::new(3, 4);

@@ -67,8 +67,8 @@ pub struct Study {
 }
 
 impl Study {
-    /// Takes from `directory` what is there and current, makes the rest and keeps it there. `tell` is told what is
-    /// being made, and the share that is done.
+    /// Takes from `directory` what is there and current, makes the rest and keeps it there. `tell` is told
+    /// what is being made, and the share that is done.
     ///
     /// # Errors
     /// Where the scene cannot be drawn, or a file cannot be written.

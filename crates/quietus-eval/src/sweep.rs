@@ -15,18 +15,19 @@ use crate::{
 pub struct Plan {
     /// Methods beside uniform sampling, which is always there to compare with.
     pub methods: Vec<Method>,
-    /// Mean samples per pixel at which methods are compared; the target error of each method is chosen so that it
-    /// takes about as many.
+    /// Mean samples per pixel at which methods are compared; the target error of each method is chosen so
+    /// that it takes about as many.
     pub budgets: Vec<f64>,
     /// Runs of each method at each budget: at least 2, at most as many as share no sample.
     pub runs: u64,
-    /// Everything else: least and most samples, regions, mode, replicates. Policy and target are the methods' own.
+    /// Everything else: least and most samples, regions, mode, replicates. Policy and target are the methods'
+    /// own.
     pub settings: Settings,
 }
 
 impl Plan {
-    /// All methods at budgets from 24 to 256 samples per pixel (as far as the bank reaches), with as many runs as
-    /// share no sample, and the library's defaults.
+    /// All methods at budgets from 24 to 256 samples per pixel (as far as the bank reaches), with as many
+    /// runs as share no sample, and the library's defaults.
     pub fn new(bank: &Bank) -> Self {
         let spec = bank.spec();
         let mut settings = Settings::new(spec.look.width, spec.look.height);
@@ -87,8 +88,8 @@ impl Series {
     }
 }
 
-/// A sweep over one scene: uniform sampling first, then method by method, budgets rising. Budgets that a method cannot
-/// be made to take (because it starts with more samples, or by leaps) are left out.
+/// A sweep over one scene: uniform sampling first, then method by method, budgets rising. Budgets that a
+/// method cannot be made to take (because it starts with more samples, or by leaps) are left out.
 ///
 /// # Errors
 /// Where the plan does not fit bank and reference.
@@ -135,7 +136,8 @@ fn check(bank: &Bank, reference: &Reference, plan: &Plan) -> Result<(), EvalErro
     Ok(())
 }
 
-/// Even counts from a quarter of the least budget to all the bank holds, in steps of about the square root of 2.
+/// Even counts from a quarter of the least budget to all the bank holds, in steps of about the square root of
+/// 2.
 fn uniform_counts(plan: &Plan) -> Vec<f64> {
     let step = f64::from(plan.settings.replicates);
     let least = plan.budgets.iter().copied().fold(f64::INFINITY, f64::min) / 4.0;
@@ -191,20 +193,23 @@ fn record(replay: &Replay, reference: &Reference, meter: &EnergyMeter, settings:
     }
 }
 
-/// Range of the logarithm of the target error: from far below a step of the pixel error to far above its largest value.
+/// Range of the logarithm of the target error: from far below a step of the pixel error to far above its
+/// largest value.
 const TARGETS: [f64; 2] = [-9.0, 4.0];
 /// Halvings of that range: 1e-4 of a decade is left.
 const HALVINGS: u32 = 17;
 /// Most runs that are averaged for the search.
 const PILOT_RUNS: u64 = 4;
-/// How far the samples may be from the budget, relatively: near enough for the search to end, and to be of use.
+/// How far the samples may be from the budget, relatively: near enough for the search to end, and to be of
+/// use.
 const NEAR: [f64; 2] = [0.005, 0.1];
 
-/// The target error with which the method of `settings` takes `budget` samples per pixel, found by halving over the mean
-/// of the first `runs` runs (at most four); none where it can't be made to take within a tenth of that.
+/// The target error with which the method of `settings` takes `budget` samples per pixel, found by halving
+/// over the mean of the first `runs` runs (at most four); none where it can't be made to take within a tenth
+/// of that.
 ///
 /// # Errors
-/// As [`replay`].
+/// As [`replay()`].
 pub fn find_target(
     bank: &Bank,
     settings: &Settings,

@@ -1,4 +1,5 @@
-//! The bench on a small picture of the embedded scene: its two ends fit together, and it sees what it should see.
+//! The bench on a small picture of the embedded scene: its two ends fit together, and it sees what it should
+//! see.
 //!
 //! Significance is 1e-6 for the suite of three statistical tests: 3.3e-7 each by Sidak's correction.
 
@@ -61,9 +62,9 @@ fn t(values: &[f64]) -> (f64, f64) {
     (mean / (spread / n).sqrt(), quantile)
 }
 
-/// Uniform sampling of the bank has the reference's brightness: both come from the same tracer with other seeds. The
-/// reference's own error is that of 3,072 samples against 96 in each of 32 runs, whose mean has as many: the
-/// difference has twice the variance that the runs tell.
+/// Uniform sampling of the bank has the reference's brightness: both come from the same tracer with other
+/// seeds. The reference's own error is that of 3,072 samples against 96 in each of 32 runs, whose mean has as
+/// many: the difference has twice the variance that the runs tell.
 #[test]
 fn uniform_sampling_and_the_reference_agree() {
     let bench = bench();

@@ -50,8 +50,9 @@ impl Bank {
     /// Where the file cannot be read, is not a bank, or is shorter or longer than its header says.
     pub fn open(path: &Path) -> Result<Self, EvalError> {
         let file = File::open(path).map_err(EvalError::io(path))?;
-        // SAFETY: banks are written under another name and renamed when they are complete; nothing of ours changes
-        // or cuts one afterwards. Who does that by hand gets wrong figures or a fault, as with any mapped file.
+        // SAFETY: banks are written under another name and renamed when they are complete; nothing of ours
+        // changes or cuts one afterwards. Who does that by hand gets wrong figures or a fault, as with any
+        // mapped file.
         let map = unsafe { Mmap::map(&file) }.map_err(EvalError::io(path))?;
         Self::new(Bytes::Mapped(map)).map_err(|message| EvalError::format(path, message))
     }

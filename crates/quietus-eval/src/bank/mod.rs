@@ -1,9 +1,11 @@
-//! The bank: every sample of a small picture, recorded once, so that any policy can be replayed on it in seconds.
+//! The bank: every sample of a small picture, recorded once, so that any policy can be replayed on it in
+//! seconds.
 //!
-//! Each pixel has a number of *streams*. A stream is what one replicate of that pixel would draw in a live render:
-//! stream `2 k + r` holds the samples of replicate `r` of the render with seed `seed + k`, in index order, each
-//! rounded to 14 significant bits ([`crate::packed`]). Streams are independent of each other, between pixels too;
-//! the samples within one are not, they are a low-discrepancy sequence, and are never torn apart.
+//! Each pixel has a number of *streams*. A stream is what one replicate of that pixel would draw in a live
+//! render: stream `2 k + r` holds the samples of replicate `r` of the render with seed `seed + k`, in index
+//! order, each rounded to 14 significant bits. Streams are independent of each other,
+//! between pixels too; the samples within one are not, they are a low-discrepancy sequence, and are never
+//! torn apart.
 
 mod format;
 mod record;
@@ -60,8 +62,8 @@ impl BankSpec {
     }
 }
 
-/// Opens the bank of `spec` at `path`, or records it there where there is none, or where it does not hold what
-/// `spec` asks for or what the tracer draws today: some of its samples are drawn again to find that out.
+/// Opens the bank of `spec` at `path`, or records it there where there is none, or where it does not hold
+/// what `spec` asks for or what the tracer draws today: some of its samples are drawn again to find that out.
 /// `progress` is told the share that is recorded, 0..=1.
 ///
 /// # Errors

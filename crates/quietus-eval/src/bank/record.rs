@@ -14,11 +14,12 @@ use crate::{
     packed::{self, Negative},
 };
 
-/// Records the bank of `spec` at `path`, whole or not at all, on all threads of rayon's pool. `progress` is told
-/// the share that is done, 0..=1.
+/// Records the bank of `spec` at `path`, whole or not at all, on all threads of rayon's pool. `progress` is
+/// told the share that is done, 0..=1.
 ///
 /// # Errors
-/// Where `spec` makes no sense, the scene cannot be drawn or draws negative light, or the file cannot be written.
+/// Where `spec` makes no sense, the scene cannot be drawn or draws negative light, or the file cannot be
+/// written.
 pub fn record(
     subject: &Subject,
     spec: &BankSpec,

@@ -1,5 +1,5 @@
-//! Energy: how bright pictures are, in total, where it is dark, and tile by tile. Its mean over many runs, less that
-//! of uniform sampling, is the bias of a policy.
+//! Energy: how bright pictures are, in total, where it is dark, and tile by tile. Its mean over many runs,
+//! less that of uniform sampling, is the bias of a policy.
 
 use crate::{Picture, Reference};
 

@@ -40,7 +40,8 @@ impl Measure {
             Self::Mse => 1.0,
             Self::RelMse => 1.0 / (r * r + 0.01),
             Self::Weighted => 1.0 / (r.max(0.0) + 0.01),
-            // The square of d sqrt(r) / dr. Below a thousandth of white the curve is too steep for first order.
+            // The square of d sqrt(r) / dr. Below a thousandth of white the curve is too steep for first
+            // order.
             Self::Display => {
                 if r < 1.0 {
                     0.25 / r.max(1e-3)
@@ -61,8 +62,8 @@ impl Measure {
     }
 }
 
-/// What is wrong with one picture. Squares of differences to the reference, less its variance, can come out negative
-/// by chance: roots are for means over runs.
+/// What is wrong with one picture. Squares of differences to the reference, less its variance, can come out
+/// negative by chance: roots are for means over runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
     /// Means of [`Measure::ALL`], in that order.

@@ -1,13 +1,13 @@
-//! FLIP: the difference that is seen when two pictures are flipped back and forth on the same screen (Andersson,
-//! Nilsson, Akenine-Moeller, Oskarsson, Astroem and Fairchild 2020, "FLIP: A Difference Evaluator for Alternating
-//! Images", HPG). Low dynamic range: what a display shows of linear values, clamped to 0..1.
+//! FLIP: the difference that is seen when two pictures are flipped back and forth on the same screen
+//! (Andersson, Nilsson, Akenine-Moeller, Oskarsson, Astroem and Fairchild 2020, "FLIP: A Difference Evaluator
+//! for Alternating Images", HPG). Low dynamic range: what a display shows of linear values, clamped to 0..1.
 
 use glam::{DMat3, DVec3};
 
 use crate::Picture;
 
-/// Pixels per degree of the viewing angle that the paper takes as default (section 3): a 4K monitor of 0.7 m width
-/// seen from 0.7 m.
+/// Pixels per degree of the viewing angle that the paper takes as default (section 3): a 4K monitor of 0.7 m
+/// width seen from 0.7 m.
 pub const PIXELS_PER_DEGREE: f64 = 67.0206;
 
 /// Exponent of the colour difference (section 4.1.3, `q_c`).
@@ -77,8 +77,8 @@ impl Plane {
     }
 }
 
-/// Linear Rec.709 with D65 to CIE XYZ: the matrix whose columns are the primaries of IEC 61966-2-1 with white's
-/// luminance 1, to the digits that its chromaticities give.
+/// Linear Rec.709 with D65 to CIE XYZ: the matrix whose columns are the primaries of IEC 61966-2-1 with
+/// white's luminance 1, to the digits that its chromaticities give.
 fn rgb_to_xyz() -> DMat3 {
     // x, y of red, green, blue and white.
     let xyz = |x: f64, y: f64| DVec3::new(x / y, 1.0, (1.0 - x - y) / y);
@@ -156,8 +156,8 @@ fn color_differences(a: &[Plane; 3], b: &[Plane; 3]) -> Vec<f64> {
     pairs.map(|(a, b)| remap(hyab(a, b).powf(COLOR_EXPONENT)).clamp(0.0, 1.0)).collect()
 }
 
-/// What the eye's contrast sensitivity leaves of each channel (section 4.1.1, table 1): convolution with sums of
-/// Gaussians `a sqrt(pi / b) exp(-pi^2 x^2 / b)`, x in degrees.
+/// What the eye's contrast sensitivity leaves of each channel (section 4.1.1, table 1): convolution with sums
+/// of Gaussians `a sqrt(pi / b) exp(-pi^2 x^2 / b)`, x in degrees.
 fn contrast_sensitivity(planes: &[Plane; 3]) -> [Plane; 3] {
     /// `[a_1, b_1, a_2, b_2]` of luminance, red-green and blue-yellow.
     const GAUSSIANS: [[f64; 4]; 3] =
@@ -257,8 +257,8 @@ mod tests {
         let found = [mean, map[0], map[12 * 40 + 20], map[959]];
         let expected = [0.234_674_29, 0.264_310_96, 0.228_118_08, 0.295_754_5];
         for (found, expected) in found.into_iter().zip(expected) {
-            // The authors work in f32 and round the colour matrix to seven digits: about 1e-7 of XYZ, a hundred
-            // times that after the steep roots of dark colours.
+            // The authors work in f32 and round the colour matrix to seven digits: about 1e-7 of XYZ, a
+            // hundred times that after the steep roots of dark colours.
             assert!((found - expected).abs() < 1e-5, "{found} {expected}");
         }
     }

@@ -17,11 +17,12 @@ pub struct Stops {
 
 /// Judges the stops of a run.
 ///
-/// The true error of a pixel is Dammertz's formula with the difference to the reference in place of the difference
-/// of two estimates: `sum_c |x_c - r_c| / sqrt(sum_c r_c)`. Where the estimate is honest the two have the same mean,
-/// and a region that stops just at its target is a false stop in about half of all cases: read the rate beside that of
-/// other policies. Regions are what the policy itself decides about: the complete leaves of trees; tiles of 8x8 for
-/// `tile`, and for `dammertz`, whose blocks are gone; single pixels for `pixel`.
+/// The true error of a pixel is Dammertz's formula with the difference to the reference in place of the
+/// difference of two estimates: `sum_c |x_c - r_c| / sqrt(sum_c r_c)`. Where the estimate is honest the two
+/// have the same mean, and a region that stops just at its target is a false stop in about half of all cases:
+/// read the rate beside that of other policies. Regions are what the policy itself decides about: the
+/// complete leaves of trees; tiles of 8x8 for `tile`, and for `dammertz`, whose blocks are gone; single
+/// pixels for `pixel`.
 pub fn stops(replay: &Replay, reference: &Reference, settings: &Settings) -> Stops {
     let width = settings.width as usize;
     let errors: Vec<f64> = (0..replay.counts.len()).map(|i| true_error(replay, reference, i)).collect();
@@ -80,8 +81,9 @@ mod tests {
     use super::*;
     use crate::measure::tests::flat;
 
-    /// The left of two 8x8 tiles is off by 0.3 in every channel, the right one is exact, over a reference of 0.75: the
-    /// true error of a pixel is 0.9 / 1.5 = 0.6, that of the left tile 64 * 0.6 / sqrt(64 * 128) = 0.424.
+    /// The left of two 8x8 tiles is off by 0.3 in every channel, the right one is exact, over a reference of
+    /// 0.75: the true error of a pixel is 0.9 / 1.5 = 0.6, that of the left tile 64 * 0.6 / sqrt(64 * 128) =
+    /// 0.424.
     fn run() -> (Replay, Reference) {
         let reference = flat(16, 8, 0.75, 0.0);
         let mut picture = reference.mean.clone();

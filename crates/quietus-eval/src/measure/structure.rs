@@ -1,5 +1,5 @@
-//! Structure: does the error know where tiles are? Each figure compares the 8x8 grid with the same grid displaced by
-//! 4 pixels, so that it is 1 where the error does not.
+//! Structure: does the error know where tiles are? Each figure compares the 8x8 grid with the same grid
+//! displaced by 4 pixels, so that it is 1 where the error does not.
 
 use std::ops::AddAssign;
 
@@ -36,8 +36,8 @@ impl AddAssign<&Structure> for Structure {
     }
 }
 
-/// Measures a picture. Both grids are looked at over the same area, whose border of 4 pixels is left out as far as
-/// blocks do not fit.
+/// Measures a picture. Both grids are looked at over the same area, whose border of 4 pixels is left out as
+/// far as blocks do not fit.
 pub fn structure(picture: &Picture, reference: &Reference) -> Structure {
     let pixels = picture.rgb.iter().zip(&reference.mean.rgb);
     let error = pixels.map(|(x, r)| (0..3).map(|c| display(x[c]) - display(r[c])).sum::<f64>() / 3.0);
@@ -123,8 +123,8 @@ mod tests {
 
     #[test]
     fn box_artefacts_stand_out() {
-        // Tiles of a checkerboard too bright or too dark by half the noise's range: on the grid, blocks have it as
-        // their mean, steps of twice the offset lie on edges; displaced, it cancels in every block.
+        // Tiles of a checkerboard too bright or too dark by half the noise's range: on the grid, blocks have
+        // it as their mean, steps of twice the offset lie on edges; displaced, it cancels in every block.
         let offset = |x: usize, y: usize| if (x / 8 + y / 8).is_multiple_of(2) { 0.01 } else { -0.01 };
         let [blocks, steps, _] = noisy(offset).ratios();
         assert!(blocks > 50.0 && steps > 3.0, "{blocks} {steps}");

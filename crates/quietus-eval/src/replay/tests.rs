@@ -92,8 +92,8 @@ impl Tracer for Rounding<'_> {
     }
 }
 
-/// What makes replays worth anything: run k of a bank is the live render with the bank's seed plus k, sample by sample
-/// and decision by decision. Same counts, same picture, bit for bit.
+/// What makes replays worth anything: run k of a bank is the live render with the bank's seed plus k, sample
+/// by sample and decision by decision. Same counts, same picture, bit for bit.
 #[test]
 fn a_replay_is_the_live_render() {
     let (bank, subject) = (bank(), Subject::embedded().unwrap());

@@ -1,5 +1,5 @@
-//! Reports: a table for the terminal, JSON (see [`crate::compare::Comparison`]), and a self-contained HTML page with
-//! plots and heat maps.
+//! Reports: a table for the terminal, JSON (see [`crate::compare::Comparison`]), and a self-contained HTML
+//! page with plots and heat maps.
 
 mod html;
 mod plot;

@@ -11,8 +11,8 @@ use crate::{
 /// Measure of the columns on gain, unless another is asked for: see [`Measure::Weighted`].
 pub const DEFAULT_MEASURE: Measure = Measure::Weighted;
 
-/// Lines of text: limits, then a row for every method at every budget. `measure` is that of the error, the gain and the
-/// share of the limit.
+/// Lines of text: limits, then a row for every method at every budget. `measure` is that of the error, the
+/// gain and the share of the limit.
 pub fn table(comparison: &Comparison, measure: Measure) -> String {
     let mut text = String::new();
     let (bank, reference) = (&comparison.bank, &comparison.reference);

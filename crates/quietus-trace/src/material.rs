@@ -179,18 +179,22 @@ impl MaterialTable {
         }
     }
 
-    /// Whether the material has a normal map, so that hits need a tangent.
+    /// Whether the material or its clear coat has a normal map, so that hits need a tangent.
     #[inline]
     pub fn has_normal_map(&self, id: MaterialId) -> bool {
-        self.material(id).normal_map.is_some()
+        let material = self.material(id);
+        material.normal_map.is_some()
+            || matches!(&material.surface, Surface::MetalRough(m) if m.clearcoat_normal.is_some())
     }
 
     /// The shading frame with the normal map applied: `frame` is the orthonormal frame of the interpolated normal
-    /// and the mesh's tangent.
+    /// and the mesh's tangent. It is left-handed where that is (under a mirror), as tangent space is then.
     pub fn shading_frame(&self, id: MaterialId, point: &SurfacePoint, frame: &Frame) -> Frame {
         let Some(map) = self.material(id).normal_map else { return *frame };
         let normal = frame.to_world(self.tangent_normal(map, point)).normalize();
-        Frame::from_normal_tangent(normal, frame.tangent)
+        let mapped = Frame::from_normal_tangent(normal, frame.tangent);
+        let handedness = frame.tangent.cross(frame.bitangent).dot(frame.normal).signum();
+        Frame { bitangent: mapped.bitangent * handedness, ..mapped }
     }
 
     /// The normal that a map (texture and scale) gives, of unit length, in tangent space.

@@ -2,6 +2,8 @@
 
 mod check;
 mod compile;
+#[cfg(test)]
+mod tests;
 
 use glam::{Vec2, Vec3};
 use thiserror::Error;

@@ -20,7 +20,7 @@ pub struct PixelWork {
     pub replicate: u8,
     /// First sample index of the run.
     pub first: u32,
-    /// Length of the run.
+    /// Length of the run; `first + count` is at most `u32::MAX`.
     pub count: u32,
 }
 
@@ -66,6 +66,9 @@ impl std::ops::AddAssign for TileCounts {
 ///
 /// A sample depends on the scene, the view and its (pixel, replicate, index) alone: neither on what else is in
 /// `work` nor on the thread. Same binary and same instruction set, same bits.
+///
+/// # Panics
+/// Where `first + count` of a run exceeds `u32::MAX`: sample indices would start again.
 pub fn render_tile(scene: &Scene, view: &View, work: &[PixelWork], sink: &mut impl SampleSink) -> TileCounts {
     view.level.run(TileJob { scene, view, work, sink })
 }
@@ -84,7 +87,8 @@ impl<S: SampleSink> Job for TileJob<'_, S> {
     fn run<I: Isa>(self, isa: I) -> TileCounts {
         let mut counts = TileCounts::default();
         for run in self.work {
-            for index in run.first..run.first + run.count {
+            let end = run.first.checked_add(run.count).expect("sample indices fit into 32 bits");
+            for index in run.first..end {
                 let sample = integrator::sample(isa, self.scene, self.view, run, index, &mut counts);
                 self.sink.add(run, index, &sample);
             }

@@ -1,5 +1,7 @@
 //! Scenes whose answer can be derived, drawn by the whole tracer.
 
+mod surfaces;
+
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -332,14 +334,18 @@ fn smooth_glass_is_invisible_under_an_even_sky() {
     }
 }
 
-/// Reflectance of a smooth pane of index 1.5 with all its inner reflections, unpolarised per reflection as the
-/// tracer has it: `2 F / (1 + F)`.
-fn pane_reflectance(cos_i: f64) -> f64 {
-    let eta = 1.5;
+/// Reflectance of a smooth surface for unpolarised light at cosine `cos_i`, `eta` the index behind over before.
+fn fresnel(cos_i: f64, eta: f64) -> f64 {
     let cos_t = (1.0 - (1.0 - cos_i * cos_i) / (eta * eta)).sqrt();
     let perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
     let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
-    let f = 0.5 * (perpendicular * perpendicular + parallel * parallel);
+    0.5 * (perpendicular * perpendicular + parallel * parallel)
+}
+
+/// Reflectance of a smooth pane of index 1.5 with all its inner reflections, unpolarised per reflection as the
+/// tracer has it: `2 F / (1 + F)`.
+fn pane_reflectance(cos_i: f64) -> f64 {
+    let f = fresnel(cos_i, 1.5);
     2.0 * f / (1.0 + f)
 }
 
@@ -575,4 +581,62 @@ fn depth_is_zero_and_alpha_zero_where_nothing_is_hit() {
         assert_eq!((sample.alpha, sample.depth, sample.normal), (0.0, 0.0, Vec3::ZERO));
         assert_eq!(sample.albedo, Vec3::splat(0.4));
     }
+}
+
+/// A disc of radius R at height h over the ground: `E = pi L R^2 / (R^2 + h^2)`. The polygon that stands for it has
+/// so many corners that it lacks less than a millionth.
+#[test]
+fn direct_light_of_a_disc() {
+    const CORNERS: u32 = 4096;
+    let (radius, height) = (0.8_f32, 1.1_f32);
+    let corner = |i: u32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(CORNERS)).sin_cos();
+        Vec3::new(radius * cos as f32, height, radius * sin as f32)
+    };
+    let disc = Mesh {
+        positions: (0..CORNERS).map(corner).chain([Vec3::Y * height]).collect(),
+        triangles: (0..CORNERS).map(|i| [i, (i + 1) % CORNERS, CORNERS]).collect(),
+        ..Mesh::default()
+    };
+    let mut scene = ground();
+    let lamp = scene.diffuse(0.0, 2.0);
+    scene.0.materials[lamp.0 as usize].emission_two_sided = true;
+    scene.add(Geometry::Mesh(Arc::new(disc)), lamp);
+    let (r2, h2) = (f64::from(radius).powi(2), f64::from(height).powi(2));
+    let irradiance = 2.0 * PI * r2 / (r2 + h2);
+    judge_irradiance(&mut Suite::new(1), &scene, irradiance, "disc");
+}
+
+/// Inside the cone, at its soft edge (KHR_lights_punctual: the square of a ramp in the cosine), and outside.
+#[test]
+fn direct_light_of_a_spot() {
+    let (inner_angle, outer_angle) = (0.3_f32, 0.7_f32);
+    let position = Vec3::new(0.5, 1.5, 0.3);
+    let to_ground = -position.normalize();
+    let distance2 = f64::from(position.length_squared());
+    let mut suite = Suite::new(2);
+    for (off_axis, what) in [(0.2_f32, "inside"), (0.5, "at the edge"), (0.8, "outside")] {
+        let axis = to_ground.any_orthonormal_vector();
+        let mut scene = ground();
+        scene.0.lights.push(desc::Light::Spot {
+            position,
+            direction: Quat::from_axis_angle(axis, off_axis) * to_ground,
+            intensity: Vec3::splat(4.0),
+            inner_angle,
+            outer_angle,
+        });
+        let [at, inner, outer] = [off_axis, inner_angle, outer_angle].map(|a| f64::from(a).cos());
+        let ramp = ((at - outer) / (inner - outer)).clamp(0.0, 1.0);
+        let irradiance = ramp * ramp * 4.0 * f64::from(position.y) / distance2.powf(1.5);
+        judge_irradiance(&mut suite, &scene, irradiance, what);
+    }
+}
+
+#[test]
+#[should_panic(expected = "sample indices fit into 32 bits")]
+fn runs_past_the_last_index_are_refused() {
+    let scene = Scene::build(&ground().0).expect("a sound scene");
+    let view = view(Vec3::Y, Vec3::ZERO, 1, 1e-3, 1);
+    let run = PixelWork { x: 0, y: 0, pixel: 0, replicate: 0, first: u32::MAX, count: 1 };
+    render_tile(&scene, &view, &[run], &mut Picture::default());
 }

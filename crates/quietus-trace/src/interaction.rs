@@ -77,27 +77,34 @@ pub(crate) struct Interaction {
 }
 
 impl Interaction {
-    /// The surface at `hit`, found along a ray from `origin` in `direction` (of unit length).
+    /// The surface at `hit`, found along a ray from `origin` in `direction` (of unit length). Texture coordinates
+    /// are left at 0 where the material, which is not `textured`, would not look at them.
     #[inline(always)]
     pub(crate) fn new(
         geometry: &Geometry,
-        material: MaterialId,
+        (material, textured): (MaterialId, bool),
         placement: &Placement,
         hit: &Hit,
         origin: Vec3,
         direction: Vec3,
     ) -> Self {
         match geometry {
-            Geometry::Mesh(mesh) => Self::on_triangle(mesh, material, placement, hit),
+            Geometry::Mesh(mesh) => Self::on_triangle(mesh, material, textured, placement, hit),
             Geometry::Sphere { center, radius } => {
                 let rough = origin + hit.t * direction;
-                Self::on_sphere(*center, *radius, material, placement, rough)
+                Self::on_sphere(*center, *radius, material, textured, placement, rough)
             }
         }
     }
 
     #[inline(always)]
-    fn on_triangle(mesh: &Mesh, material: MaterialId, placement: &Placement, hit: &Hit) -> Self {
+    fn on_triangle(
+        mesh: &Mesh,
+        material: MaterialId,
+        textured: bool,
+        placement: &Placement,
+        hit: &Hit,
+    ) -> Self {
         let indices = mesh.triangles[hit.primitive as usize].map(|i| i as usize);
         let corners = indices.map(|i| mesh.positions[i]);
         let (position, error) = placement
@@ -112,7 +119,11 @@ impl Interaction {
             // Normals of an opposite winding are common in the wild; the winding decides what is front.
             (interpolated * toward_front.signum()).normalize_or(geometric_normal)
         };
-        let surface = mesh_surface(mesh, hit.primitive, hit.u, hit.v);
+        let surface = if textured || !mesh.colors.is_empty() {
+            mesh_surface(mesh, hit.primitive, hit.u, hit.v)
+        } else {
+            SurfacePoint::default()
+        };
         Self { position, error, geometric_normal, shading_normal, surface, material }
     }
 
@@ -121,6 +132,7 @@ impl Interaction {
         center: Vec3,
         radius: f32,
         material: MaterialId,
+        textured: bool,
         placement: &Placement,
         rough: Vec3,
     ) -> Self {
@@ -129,7 +141,8 @@ impl Interaction {
         let (position, error) = placement.point(point, sphere::point_error(point, center, radius));
         let outward = (point - center) / radius;
         let normal = placement.normal(outward).normalize();
-        let surface = sphere_surface(outward);
+        // Angles from directions are dear.
+        let surface = if textured { sphere_surface(outward) } else { SurfacePoint::default() };
         Self { position, error, geometric_normal: normal, shading_normal: normal, surface, material }
     }
 

@@ -81,7 +81,35 @@ impl MaterialTable {
         self.materials.is_empty()
     }
 
+    /// Whether anything but coverage may differ with the texture coordinates of a point.
+    pub(crate) fn is_textured(&self, id: MaterialId) -> bool {
+        let desc::Material { surface, emission, normal_map, .. } = self.material(id);
+        let color = |p: &ColorParam| p.texture.is_some();
+        let scalar = |p: &ScalarParam| p.texture.is_some();
+        let scattering = match surface {
+            Surface::Diffuse { reflectance } => color(reflectance),
+            Surface::Conductor { roughness, .. } => scalar(roughness),
+            Surface::Dielectric { roughness, tint, .. } => scalar(roughness) || color(tint),
+            Surface::MetalRough(m) => {
+                let scalars = [
+                    &m.metallic,
+                    &m.roughness,
+                    &m.specular,
+                    &m.transmission,
+                    &m.clearcoat,
+                    &m.clearcoat_roughness,
+                ];
+                color(&m.base_color)
+                    || color(&m.specular_color)
+                    || scalars.into_iter().any(scalar)
+                    || m.clearcoat_normal.is_some()
+            }
+        };
+        scattering || color(emission) || normal_map.is_some()
+    }
+
     /// How the surface scatters at `point`; [`Bsdf::Black`] where it is unlit.
+    #[inline(always)]
     pub fn bsdf(&self, id: MaterialId, point: &SurfacePoint) -> Bsdf {
         let color = |p: &ColorParam| p.at(point, &self.textures);
         let unit_color = |p: &ColorParam| color(p).clamp(Vec3::ZERO, Vec3::ONE);
@@ -114,6 +142,7 @@ impl MaterialTable {
 
     /// The base colour of an unlit surface, to be shown where the camera sees it directly (or through perfect
     /// mirrors and glass); `None` for lit ones.
+    #[inline(always)]
     pub fn unlit_color(&self, id: MaterialId, point: &SurfacePoint) -> Option<Vec3> {
         match &self.material(id).surface {
             Surface::MetalRough(m) if m.unlit => {

@@ -87,6 +87,8 @@ struct PlacedObject {
 struct CompiledShape {
     geometry: Geometry,
     material: MaterialId,
+    /// Whether the material looks at texture coordinates.
+    textured: bool,
 }
 
 impl Scene {
@@ -121,7 +123,14 @@ impl Scene {
     #[inline(always)]
     pub(crate) fn interaction(&self, hit: &Hit, origin: Vec3, direction: Vec3) -> Interaction {
         let (placed, shape) = self.shape(hit.instance, hit.shape);
-        Interaction::new(&shape.geometry, shape.material, &placed.placement, hit, origin, direction)
+        Interaction::new(
+            &shape.geometry,
+            (shape.material, shape.textured),
+            &placed.placement,
+            hit,
+            origin,
+            direction,
+        )
     }
 
     /// The frame normal maps want at `hit`, around the shading normal `normal`.

@@ -35,13 +35,14 @@ impl Texture {
     ///
     /// # Panics
     /// If the texture's `uv_set` is above 1 or its image has fewer texels than it claims.
-    #[inline]
+    #[inline(always)]
     pub fn lookup(&self, point: &SurfacePoint) -> Vec4 {
         self.lookup_uv(point.uv[usize::from(self.uv_set)])
     }
 
     /// Linear RGBA at the surface coordinates `uv`, before the texture's own transform.
     /// Coordinates that are not finite read as 0.
+    #[inline(always)]
     pub fn lookup_uv(&self, uv: Vec2) -> Vec4 {
         let uv = self.transform.transform_point2(uv);
         let uv = if uv.is_finite() { uv } else { Vec2::ZERO };

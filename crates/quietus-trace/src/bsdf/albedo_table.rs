@@ -1,4 +1,4 @@
-//! Directional albedo of the GGX reflection lobe, tabulated at first use.
+//! Directional albedo of the GGX reflection lobe, each roughness tabulated at its first use.
 //!
 //! With Schlick's Fresnel term a lobe reflects `F0 * a + F90 * b` of the light that arrives, where `a` and `b`
 //! depend on the angle and on alpha alone (Karis 2013, "Real Shading in Unreal Engine 4", the split sum). Layers
@@ -7,10 +7,9 @@
 //! Kept are two smooth functions: the total `a + b`, which changes where the angle to the horizon is about alpha,
 //! and the share of `b` in it, which changes as Schlick's term does. Each has an axis that suits it.
 
-use std::sync::LazyLock;
+use std::sync::OnceLock;
 
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 use super::{
     fresnel,
@@ -80,7 +79,14 @@ struct Row {
     mean: [f32; 2],
 }
 
-static TABLE: LazyLock<Vec<Row>> = LazyLock::new(|| (0..=CELLS).into_par_iter().map(row).collect());
+/// Filled row by row as scenes ask: most of them know a few roughnesses only, and a row takes milliseconds.
+static TABLE: [OnceLock<Row>; CELLS + 1] = [const { OnceLock::new() }; CELLS + 1];
+
+/// Row `j` and the next.
+#[inline(always)]
+fn rows(j: usize) -> [&'static Row; 2] {
+    [j, j + 1].map(|j| TABLE[j].get_or_init(|| row(j)))
+}
 
 impl LobeAlbedo {
     /// Of a rough lobe or a perfect mirror.
@@ -102,7 +108,7 @@ impl LobeAlbedo {
             let b = fresnel::schlick_weight(cos);
             return SplitAlbedo { a: 1.0 - b, b, error: 0.0 };
         };
-        let (row, next) = (&TABLE[low], &TABLE[low + 1]);
+        let [row, next] = rows(low);
         let places = Places::new(cos, alpha);
         let total = lerp(row.total(&places), next.total(&places), between);
         let share = lerp(row.share(&places), next.share(&places), between);
@@ -115,7 +121,8 @@ impl LobeAlbedo {
         let Some(Rows { low, between, .. }) = self.rows else {
             return SplitAlbedo { a: 20.0 / 21.0, b: 1.0 / 21.0, error: 0.0 };
         };
-        let [total, b] = [0, 1].map(|i| lerp(TABLE[low].mean[i], TABLE[low + 1].mean[i], between));
+        let [row, next] = rows(low);
+        let [total, b] = [0, 1].map(|i| lerp(row.mean[i], next.mean[i], between));
         SplitAlbedo { a: total - b, b, error: 0.0 }
     }
 }
@@ -165,6 +172,7 @@ fn place(x: f32) -> (usize, f32) {
     (i, x - i as f32)
 }
 
+#[cold]
 fn row(j: usize) -> Row {
     let ggx = Ggx { alpha: lerp(fourth_root(MIN_ALPHA), 1.0, j as f32 / CELLS as f32).powi(4) };
     let total = |i: usize| {

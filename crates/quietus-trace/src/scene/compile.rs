@@ -16,12 +16,11 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
     let mut first_shapes = Vec::new();
     for object in &desc.objects {
         first_shapes.push(shapes.len() as u32);
-        shapes.extend(
-            object
-                .shapes
-                .iter()
-                .map(|s| CompiledShape { geometry: s.geometry.clone(), material: s.material }),
-        );
+        shapes.extend(object.shapes.iter().map(|s| CompiledShape {
+            geometry: s.geometry.clone(),
+            material: s.material,
+            textured: materials.is_textured(s.material),
+        }));
     }
     let mut collector =
         Collector { desc, materials: &materials, triangles: vec![], spheres: vec![], first: vec![] };

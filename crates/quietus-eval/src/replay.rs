@@ -1,8 +1,8 @@
 //! Replay: the library deals visits, and samples are looked up instead of traced.
 
 use quietus::{
-    AdaptiveSampling, DammertzMetric, ErrorMetric, Outcome, PixelError, ReplicateMean, Settings, Statistics,
-    TILE_PIXELS, Visit,
+    AdaptiveSampling, ErrorMetric, Outcome, PixelError, ReplicateMean, Settings, Statistics, TILE_PIXELS,
+    Visit,
 };
 
 use crate::{Bank, EvalError, Picture, packed, runs::Deal};
@@ -35,8 +35,8 @@ impl Replay {
     }
 }
 
-/// Runs the policy of `settings` on `bank` with Dammertz's metric, on the calling thread. Equal arguments
-/// give equal results.
+/// Runs the policy of `settings` on `bank` with the policy's own metric, on the calling thread. Equal
+/// arguments give equal results.
 ///
 /// `run` numbers the run: the first `streams / replicates` ones share no sample (with two replicates, run k
 /// has the very samples of the live render with the bank's seed plus k), later ones deal each pixel's streams
@@ -47,7 +47,7 @@ impl Replay {
 /// Where the library refuses the settings, or they do not fit the bank: another size, a crop, more replicates
 /// than streams, or a maximum of samples the streams do not hold.
 pub fn replay(bank: &Bank, settings: &Settings, run: u64) -> Result<Replay, EvalError> {
-    replay_with(bank, settings, &DammertzMetric, run)
+    replay_with(bank, settings, settings.policy.metric(), run)
 }
 
 /// As [`replay`], with another metric; its channels are red, green, blue and alpha.
@@ -57,7 +57,7 @@ pub fn replay(bank: &Bank, settings: &Settings, run: u64) -> Result<Replay, Eval
 pub fn replay_with(
     bank: &Bank,
     settings: &Settings,
-    metric: &impl ErrorMetric,
+    metric: &dyn ErrorMetric,
     run: u64,
 ) -> Result<Replay, EvalError> {
     fits(bank, settings)?;
@@ -132,7 +132,7 @@ impl BankFilm<'_> {
     }
 
     /// Looks the samples of a visit up; returns the errors of its pixels.
-    fn draw(&mut self, visit: &Visit<'_, '_>, metric: &impl ErrorMetric) -> [PixelError; TILE_PIXELS] {
+    fn draw(&mut self, visit: &Visit<'_, '_>, metric: &dyn ErrorMetric) -> [PixelError; TILE_PIXELS] {
         let mut errors = [PixelError::REJECTED; TILE_PIXELS];
         for work in visit.pixels() {
             let pixel = self.pixel(work.x, work.y);

@@ -156,6 +156,7 @@ impl<T: Tracer> Shared<'_, T> {
     fn work(&self, counters: &Counters) {
         let mut buffer = TileBuffer::new(REPLICATES);
         let mut work = Vec::with_capacity(TILE_PIXELS * REPLICATES);
+        let metric = self.sampling.settings().policy.metric();
         let mut worker = self.sampling.worker();
         while let Some(visit) = worker.next_visit() {
             work.clear();
@@ -179,7 +180,9 @@ impl<T: Tracer> Shared<'_, T> {
                     return;
                 }
             };
-            let (summary, errors) = self.film.commit(visit.tile() as usize, &mut buffer, tile_errors);
+            let (summary, errors) = self
+                .film
+                .commit(visit.tile() as usize, &mut buffer, |replicates| tile_errors(metric, replicates));
             counters.add(summary.drawn, counts);
             visit.finish(&errors);
         }

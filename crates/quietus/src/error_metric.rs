@@ -92,23 +92,48 @@ pub struct DammertzMetric;
 
 impl ErrorMetric for DammertzMetric {
     fn pixel_error(&self, replicates: &[ReplicateMean<'_>]) -> PixelError {
-        let sampled = replicates.iter().filter(|r| r.count > 0).count();
-        if sampled < 2 {
-            return PixelError::REJECTED;
-        }
-        let (mut sum, mut deviation) = (0.0, 0.0);
-        for channel in 0..3 {
-            let (mean, standard_error) = mean_and_standard_error(replicates, channel);
-            sum += mean;
-            deviation += standard_error;
-        }
-        let error = if sum > 0.0 {
-            deviation / sum.sqrt()
-        } else {
-            let has_alpha = replicates.iter().all(|r| r.channels.len() > 3);
-            if has_alpha { mean_and_standard_error(replicates, 3).1 } else { 0.0 }
-        };
-        PixelError::from_f32(error as f32)
+        dammertz(replicates).map_or(PixelError::REJECTED, |error| PixelError::from_f32(error as f32))
+    }
+}
+
+/// The metric of Dammertz et al. 2010 as a number; `None` where fewer than two replicates hold samples.
+fn dammertz(replicates: &[ReplicateMean<'_>]) -> Option<f64> {
+    if replicates.iter().filter(|r| r.count > 0).count() < 2 {
+        return None;
+    }
+    let (mut sum, mut deviation) = (0.0, 0.0);
+    for channel in 0..3 {
+        let (mean, standard_error) = mean_and_standard_error(replicates, channel);
+        sum += mean;
+        deviation += standard_error;
+    }
+    if sum > 0.0 {
+        return Some(deviation / sum.sqrt());
+    }
+    let has_alpha = replicates.iter().all(|r| r.channels.len() > 3);
+    Some(if has_alpha { mean_and_standard_error(replicates, 3).1 } else { 0.0 })
+}
+
+/// Samples at which [`SampleWorth`] equals [`DammertzMetric`]: a target means about the same to both in a picture
+/// of this many samples per pixel.
+pub const NOMINAL_SAMPLES: f64 = 64.0;
+
+/// What one more sample of the pixel is worth: the error of [`DammertzMetric`] over the square root of the samples
+/// it took to get there, `e_p sqrt(64 / n)`.
+///
+/// Samples that minimise the sum of squared errors `v_p / n_p` for a given sum of counts `n_p` are dealt so that
+/// `v_p / n_p^2 = e_p^2 / n_p` is the same everywhere (Lagrange): counts are then in proportion to `sqrt(v_p)`.
+/// Stopping at an equal *error* instead makes counts proportional to `v_p`, which spends too much where noise is
+/// strongest.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SampleWorth;
+
+impl ErrorMetric for SampleWorth {
+    fn pixel_error(&self, replicates: &[ReplicateMean<'_>]) -> PixelError {
+        let samples: f64 = replicates.iter().map(|r| f64::from(r.count)).sum();
+        dammertz(replicates).map_or(PixelError::REJECTED, |error| {
+            PixelError::from_f32((error * (NOMINAL_SAMPLES / samples).sqrt()) as f32)
+        })
     }
 }
 
@@ -150,6 +175,19 @@ mod tests {
         let expected = 3.0 * 0.3 * (n_a * n_b).sqrt() / 5.0 / (3.0 * mean).sqrt();
         let got = error(&[(2, a), (3, b)]).to_f32().unwrap();
         assert!((got - expected).abs() <= 2.0 * f32::EPSILON + 1.0 / (1 << 20) as f32, "{got} {expected}");
+    }
+
+    #[test]
+    fn worth_of_a_sample_falls_faster_than_the_error() {
+        let (a, b) = ([0.2, 0.5, 0.7, 1.0], [0.4, 0.4, 0.1, 1.0]);
+        let worth = |count| {
+            SampleWorth
+                .pixel_error(&[ReplicateMean { count, channels: &a }, ReplicateMean { count, channels: &b }])
+        };
+        assert_eq!(worth(32), error(&[(32, a), (32, b)]));
+        // The same difference of halves from four times the samples: half the worth, up to rounding.
+        assert!(worth(32).steps().abs_diff(2 * worth(128).steps()) <= 1);
+        assert_eq!(worth(0), PixelError::REJECTED);
     }
 
     #[test]

@@ -15,7 +15,7 @@ pub use tree::{Rebuild, TreeRule};
 
 use std::sync::Arc;
 
-use crate::{ErrorPlane, RegionTree, Regions};
+use crate::{DammertzMetric, ErrorMetric, ErrorPlane, RegionTree, Regions, SampleWorth};
 
 /// How sampling is steered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -31,7 +31,7 @@ pub enum Policy {
     /// The talk's tree, tiles drawn over the bounding rectangle of their active pixels as published practice
     /// does.
     Talk,
-    /// The talk's tree, drawing exactly the active pixels.
+    /// The talk's tree over [`SampleWorth`] instead of the error, drawing exactly the active pixels.
     #[default]
     Quietus,
 }
@@ -77,6 +77,14 @@ pub trait StoppingRule: ActivePixels {
 }
 
 impl Policy {
+    /// The metric that the policy is meant for; a renderer may bring another.
+    pub fn metric(self) -> &'static (dyn ErrorMetric + Sync) {
+        match self {
+            Self::Quietus => &SampleWorth,
+            _ => &DammertzMetric,
+        }
+    }
+
     /// The state of this policy in a region, before its first update: all pixels active.
     pub fn rule(self, settings: &RuleSettings, region: u32) -> Box<dyn StoppingRule> {
         match self {

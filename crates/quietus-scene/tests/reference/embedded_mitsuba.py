@@ -56,14 +56,14 @@ def sphere(center, radius, bsdf, **more):
     return {"type": "sphere", "center": list(center), "radius": radius, "bsdf": bsdf, **more}
 
 
-def wall(corner, edge_u, edge_v, bsdf):
+def wall(corner, edge_u, edge_v, bsdf, **more):
     """The parallelogram at `corner`; texture coordinates 0..1 along both edges."""
     corner, u, v = (np.array(x, dtype=float) for x in (corner, edge_u, edge_v))
     n = np.cross(u, v)
     matrix = np.eye(4)
     matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = u / 2, v / 2, n / np.linalg.norm(n)
     matrix[:3, 3] = corner + u / 2 + v / 2
-    return {"type": "rectangle", "to_world": T(matrix), "bsdf": two_sided(bsdf)}
+    return {"type": "rectangle", "to_world": T(matrix), "bsdf": two_sided(bsdf), **more}
 
 
 def block(center, half, turn_degrees, bsdf):
@@ -85,7 +85,7 @@ def scene():
     white = diffuse(0.74, 0.71, 0.66)
     left, right = diffuse(0.62, 0.20, 0.11), diffuse(0.08, 0.27, 0.33)
     lamp = np.array([-0.70, 1.42, 0.02])
-    lamp_radius = 0.045
+    lamp_radius = 0.1
     top = lamp[1] + lamp_radius + 0.035 + 0.03
     eye, target = [0.12, 1.40, 2.75], [0.03, 0.56, -0.4]
     return {
@@ -114,7 +114,9 @@ def scene():
         "left": wall([-1.6, 0, 3.0], [0, 0, -4.2], [0, 2, 0], left),
         "right": wall([1.6, 0, -1.2], [0, 0, 4.2], [0, 2, 0], right),
         "lamp": sphere(lamp, lamp_radius, diffuse(0, 0, 0),
-                       emitter={"type": "area", "radiance": rgb(440.0, 388.0, 316.0)}),
+                       emitter={"type": "area", "radiance": rgb(34.0, 26.0, 17.0)}),
+        "skylight": wall([0.1, 1.99, -0.3], [1.0, 0, 0], [0, 0, 1.2], diffuse(0, 0, 0),
+                         emitter={"type": "area", "radiance": rgb(5.0, 6.0, 7.2)}),
         "socket": block(lamp + [0, lamp_radius + 0.035, 0], [0.016, 0.03, 0.016], 0, GOLD),
         "cord": block([lamp[0], (top + 2.0) / 2, lamp[2]], [0.004, (2.0 - top) / 2, 0.004], 0,
                       diffuse(0.05, 0.05, 0.05)),

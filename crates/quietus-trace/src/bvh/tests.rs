@@ -534,7 +534,8 @@ fn coordinate() -> impl Strategy<Value = f32> {
     prop_oneof![
         -2.0f32..2.0,
         (-4i8..=4).prop_map(|i| f32::from(i) * 0.5),
-        prop_oneof![Just(-0.0f32), Just(1e-9), Just(1e-30)],
+        // Products of three smaller ones underflow, where the kernel promises nothing.
+        prop_oneof![Just(-0.0f32), Just(1e-9), Just(1e-12)],
     ]
 }
 

@@ -546,23 +546,33 @@ fn vector() -> impl Strategy<Value = Vec3> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
 
-    /// Awkward triangles and rays: many on common planes, lines and points.
+    /// Awkward triangles and rays: many on common planes, lines and points. Rounding makes the plain test hit
+    /// triangles without area far off from where they are, which the tree's boxes mostly prevent: such hits are
+    /// turned down on both sides.
     #[test]
     fn awkward_triangles_are_hit_as_by_brute_force(
         positions in proptest::collection::vec(vector(), 3..60),
         rays in proptest::collection::vec((vector(), vector()), 1..8),
     ) {
         let n = positions.len() as u32;
-        let triangles = (0..2 * n).map(|i| [i % n, (i * 7 + 1) % n, (i * 5 + 2) % n]).collect();
-        let objects = [object(vec![mesh(positions, triangles, OPAQUE)])];
+        let triangles: Vec<[u32; 3]> = (0..2 * n).map(|i| [i % n, (i * 7 + 1) % n, (i * 5 + 2) % n]).collect();
+        let objects = [object(vec![mesh(positions.clone(), triangles.clone(), FILTERED)])];
         let instances = [instance(0, Affine3A::IDENTITY)];
         let accel = build(&objects, &instances);
         for (origin, direction) in rays {
-            prop_assume!(direction.abs().max_element() > 1e-3);
+            if direction.abs().max_element() < 1e-3 {
+                continue;
+            }
             // Hits at the origin may be nothing but rounding, which the tree need not share.
             let ray = Ray { t_min: 1e-2, ..ray(origin, direction) };
-            let found = trace_all(&accel, &ray);
-            let expected = brute_force(&objects, &instances, &ray, |_| true);
+            let lies_there = |hit: &Hit| {
+                let [a, b, c] = triangles[hit.primitive as usize].map(|i| positions[i as usize]);
+                let point = origin + hit.t * direction;
+                let outside = (a.min(b).min(c) - point).max(point - a.max(b).max(c));
+                outside.max_element() < 1e-4
+            };
+            let found = trace(&accel, &ray, lies_there);
+            let expected = brute_force(&objects, &instances, &ray, lies_there);
             if found != expected {
                 let [found, expected] = [found, expected].map(|hit| hit.map_or(f32::NAN, |hit| hit.t));
                 let apart = (found - expected).abs() * direction.length();

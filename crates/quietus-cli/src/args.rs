@@ -77,7 +77,7 @@ pub(crate) struct RenderArgs {
     pub sampling: Option<SamplingArg>,
 
     /// Region error to stop at, in the library's units: smaller is cleaner and slower.
-    /// [default: 0.0014; not with uniform]
+    /// [default: 0.001; not with uniform]
     #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = parse_error)]
     pub target_error: Option<f64>,
 

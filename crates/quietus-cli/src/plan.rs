@@ -13,7 +13,7 @@ use crate::args::{ChecksArg, FilterArg, RebuildArg, RenderArgs, SamplingArg};
 use crate::error::Failure;
 
 /// Region error of a presentable picture; what is left of the noise is that of a good preview.
-const TARGET_ERROR: f64 = 0.0014;
+const TARGET_ERROR: f64 = 0.001;
 /// Below this a pixel's error is too uncertain to act on (the talk, section 3.2).
 const MIN_SAMPLES: u32 = 16;
 /// The talk's limit: what is not done by then is not worth more of everybody else's time.

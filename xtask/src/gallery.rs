@@ -27,7 +27,7 @@ pub(crate) fn gallery() -> Result<()> {
     let (cornell, helmet) =
         (path("cornell-box/gltf/CornellBox.glb"), path("flight-helmet/FlightHelmet.gltf"));
     let studio = path("hdri/studio_small_03_1k.hdr");
-    draw("embedded.png", &["--size", "960x540"])?;
+    draw("embedded.png", &["--size", "960x540", "--target-error", "0.0005"])?;
     draw("cornell-box.png", &[&cornell, "--size", "1280x720"])?;
     draw("flight-helmet.png", &[&helmet, "--size", "1280x720", "--env", &studio])
 }

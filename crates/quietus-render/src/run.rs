@@ -241,6 +241,8 @@ impl<T: Tracer> Shared<'_, T> {
         let share = |nanoseconds: u64| nanoseconds as f64 * 1e-9 / thread_seconds.max(1e-9);
         let milliseconds = |nanoseconds: u64| nanoseconds as f64 * 1e-6;
         let slowest = sampling.slowest_rebuild();
+        let rejected_pixels = self.sampling.rejected_pixels();
+        let pixels = self.sampling.grid().rect().area() as f64;
         Statistics {
             wall_seconds: wall.as_secs_f64(),
             cpu_seconds: cpu.map(|cpu| cpu.as_secs_f64()),
@@ -248,7 +250,9 @@ impl<T: Tracer> Shared<'_, T> {
             rays: self.counters.iter().map(|c| c.rays.load(Ordering::Relaxed)).sum(),
             per_pixel: SampleStatistics::of(&self.film.sample_counts()),
             passes: sampling.passes,
-            converged_fraction: self.sampling.converged_fraction(),
+            converged_fraction: (self.sampling.converged_fraction() - rejected_pixels as f64 / pixels)
+                .max(0.0),
+            rejected_pixels,
             rebuilds: sampling.rebuilds.len(),
             rebuild_ms_median: milliseconds(sampling.rebuild_nanoseconds_median()),
             rebuild_ms_max: slowest.map_or(0.0, |rebuild| milliseconds(rebuild.nanoseconds)),

@@ -73,8 +73,10 @@ pub struct Statistics {
     pub per_pixel: SampleStatistics,
     /// Passes finished everywhere.
     pub passes: u64,
-    /// Share of pixels that are complete in the latest trees; 0 with uniform sampling.
+    /// Share of pixels that have an estimate and are complete in the latest trees; 0 with uniform sampling.
     pub converged_fraction: f64,
+    /// Pixels in which sampling stopped although all samples of a replicate were rejected.
+    pub rejected_pixels: u64,
     /// Rebuilds of trees (updates of blocks and masks with the other policies), all regions together.
     pub rebuilds: usize,
     /// Their median time.

@@ -199,6 +199,9 @@ fn a_pixel_that_is_never_finite_is_left_out_and_reported() {
         let rejected = rendered.film.rejected();
         assert!(rejected.count() >= 8 && rejected.count() == rendered.statistics.nonfinite_samples);
         assert!(rejected.first().all(|sample| (sample.x, sample.y) == (5, 6)));
+        // It never counts as converged.
+        let converged = rendered.statistics.converged_fraction * f64::from(24 * 24);
+        assert!(converged.round() <= f64::from(24 * 24 - 1), "{sampling:?}: {converged} pixels");
     }
 }
 

@@ -20,6 +20,7 @@ pub use worker::Worker;
 
 use crate::{
     ErrorPlane, PixelError, RegionTree, Regions, TILE_PIXELS, TileGrid,
+    active_mask::pixels,
     inspect::tree_svg,
     morton::morton_order,
     policy::RuleSettings,
@@ -152,11 +153,23 @@ impl AdaptiveSampling {
     }
 
     /// The share of pixels that are complete in the latest trees, in 0..=1. Pixels that stopped at the maximum of
-    /// samples while their region was active are not among them; rejected pixels share the fate of their region.
+    /// samples while their region was active are not among them; rejected pixels share the fate of their region, see [`Self::rejected_pixels`].
     pub fn converged_fraction(&self) -> f64 {
         // Relaxed: a progress report.
         let active: u64 = self.progress.iter().map(|p| p.active_pixels.load(Ordering::Relaxed)).sum();
         1.0 - active as f64 / self.grid().rect().area() as f64
+    }
+
+    /// Pixels in which sampling has stopped although they have no estimate, because their samples were rejected:
+    /// [`Self::converged_fraction`] counts them, an honest report takes them off. Looks at every error, so it is for
+    /// the end of a render rather than for its progress.
+    pub fn rejected_pixels(&self) -> u64 {
+        let rejected = |tile| {
+            let errors = self.errors(tile);
+            let stopped = self.grid().full_mask(tile) & !self.active_mask(tile);
+            pixels(stopped).filter(|&pixel| errors[usize::from(pixel)].is_rejected()).count() as u64
+        };
+        (0..self.grid().tiles()).map(rejected).sum()
     }
 
     /// The latest tree of each region, `None` where the policy has none or it was not built yet.

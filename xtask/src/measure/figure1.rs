@@ -65,8 +65,8 @@ fn render(quietus: &Quietus, policy: &str, target: &str, seed: &str) -> Result<f
 
 /// The target error at which a policy spends [`MEAN_SAMPLES`], by bisection of its logarithm.
 fn matching_target(quietus: &Quietus, policy: &str) -> Result<String> {
-    let (mut low, mut high) = (1e-6f64, 1.0f64);
-    for _ in 0..10 {
+    let (mut low, mut high) = (1e-3f64, 0.1f64);
+    for _ in 0..8 {
         let middle = (low * high).sqrt();
         let spp = render(quietus, policy, &format!("{middle:.3e}"), SEEDS[0])?;
         if spp > MEAN_SAMPLES { low = middle } else { high = middle }
@@ -76,7 +76,7 @@ fn matching_target(quietus: &Quietus, policy: &str) -> Result<String> {
 
 /// A picture from many samples of another seed.
 fn reference(quietus: &Quietus) -> Result<Picture> {
-    quietus.render(&["--size", SIZE, "--sampling", "uniform", "--spp", "2048", "--seed", "1000"])?;
+    quietus.render(&["--size", SIZE, "--sampling", "uniform", "--spp", "1024", "--seed", "1000"])?;
     Ok(read_exr(&quietus.picture())?.0)
 }
 

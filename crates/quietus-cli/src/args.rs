@@ -163,7 +163,7 @@ pub(crate) enum RebuildArg {
 /// `--sampling`.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SamplingArg {
-    /// The tree of the talk, drawing exactly the pixels that need it.
+    /// The tree of the talk over what one more sample is worth, drawing exactly the pixels that need it.
     Quietus,
     /// The tree of the talk, drawing bounding rectangles as published.
     Talk,

@@ -9,7 +9,7 @@ use quietus_film::Window;
 /// How samples are spread over the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Sampling {
-    /// The talk's tree with exact masks; the picture does not depend on threads.
+    /// The talk's tree over what one more sample is worth, with exact masks; the picture does not depend on threads.
     #[default]
     Quietus,
     /// The talk's tree, drawing bounding rectangles; the picture does not depend on threads.

@@ -40,14 +40,6 @@ pub fn pixels(mut mask: u64) -> impl Iterator<Item = u8> {
     })
 }
 
-/// Every pixel with its eight neighbours, inside the tile.
-pub fn dilate(mask: u64) -> u64 {
-    const NOT_FIRST_COLUMN: u64 = 0xfefe_fefe_fefe_fefe;
-    const NOT_LAST_COLUMN: u64 = 0x7f7f_7f7f_7f7f_7f7f;
-    let wide = mask | ((mask & NOT_LAST_COLUMN) << 1) | ((mask & NOT_FIRST_COLUMN) >> 1);
-    wide | (wide << 8) | (wide >> 8)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -82,14 +74,6 @@ mod tests {
                 bits(|x, y| rect.contains(x, y))
             };
             prop_assert_eq!(fill_to_bounding_rectangle(mask), expected);
-        }
-
-        #[test]
-        fn dilation_reaches_the_eight_neighbours(mask: u64) {
-            let expected = bits(|x, y| {
-                pixels(mask).any(|b| (u32::from(b) % 8).abs_diff(x) <= 1 && (u32::from(b) / 8).abs_diff(y) <= 1)
-            });
-            prop_assert_eq!(dilate(mask), expected);
         }
     }
 

@@ -77,7 +77,16 @@ pub(super) fn locks(quietus: &Quietus) -> Result<()> {
     let mut results = vec![[const { Vec::new() }; 3]; ways.len()];
     for _ in 0..RUNS {
         for ((_, words), result) in ways.iter().zip(&mut results) {
-            let mut all = vec!["--size", "1280x720", "--threads", "4", "--max-samples", "256"];
+            let mut all = vec![
+                "--size",
+                "1280x720",
+                "--threads",
+                "4",
+                "--target-error",
+                "0.0014",
+                "--max-samples",
+                "256",
+            ];
             all.extend(*words);
             let stats = quietus.render(&all)?;
             for (key, values) in ["lock_wait_fraction", "idle_fraction", "wall_seconds"].iter().zip(result) {
@@ -99,8 +108,16 @@ pub(super) fn scaling(quietus: &Quietus) -> Result<()> {
     for threads in ["1", "2", "3", "4"] {
         let (mut wall, mut cpu) = (Vec::new(), Vec::new());
         for _ in 0..RUNS {
-            let stats =
-                quietus.render(&["--size", "640x360", "--threads", threads, "--max-samples", "64"])?;
+            let stats = quietus.render(&[
+                "--size",
+                "640x360",
+                "--threads",
+                threads,
+                "--target-error",
+                "0.0014",
+                "--max-samples",
+                "64",
+            ])?;
             let samples = number(&stats, "samples")? / 1e6;
             wall.push(samples / number(&stats, "wall_seconds")?);
             cpu.push(samples / number(&stats, "cpu_seconds")?);

@@ -10,8 +10,9 @@ use std::sync::Arc;
 
 use glam::{Affine2, Affine3A, Mat3, Quat, Vec2, Vec3};
 use quietus_trace::desc::{
-    Alpha, Camera, ColorParam, Geometry, Image, Instance, Material, MaterialId, Mesh, MetalRough, Object,
-    ObjectId, ScalarParam, SceneDesc, Shape, Surface, TexelFilter, Texels, Texture, TextureId, Wrap,
+    Alpha, Camera, ColorParam, Geometry, Image, ImageTexture, Instance, Mapping, Material, MaterialId, Mesh,
+    Metal, MetalRough, Object, ObjectId, Roughness, ScalarParam, SceneDesc, Shape, Surface, TexelFilter,
+    Texels, Texture, TextureId, Wrap,
 };
 
 use crate::framing::look_at;
@@ -41,12 +42,9 @@ pub fn embedded() -> SceneDesc {
     let eye = Vec3::new(0.12, 1.40, 2.75);
     let target = Vec3::new(0.03, 0.56, -0.4);
     room.scene.cameras.push(Camera {
-        name: "main".to_owned(),
-        to_world: look_at(eye, target),
-        fov_y: 34.0_f32.to_radians(),
         aspect: Some(16.0 / 9.0),
-        lens_radius: 0.0,
         focus_distance: eye.distance(target),
+        ..Camera::perspective("main", look_at(eye, target), 34.0_f32.to_radians())
     });
     room.scene
 }
@@ -105,9 +103,8 @@ fn add_still_life(room: &mut Builder) {
     let silver = room.material(material(
         "silver",
         Surface::Conductor {
-            eta: Vec3::new(0.155, 0.117, 0.138),
-            k: Vec3::new(4.828, 3.122, 2.147),
-            roughness: ScalarParam::constant(0.0),
+            metal: Metal::Index { eta: Vec3::new(0.155, 0.117, 0.138), k: Vec3::new(4.828, 3.122, 2.147) },
+            roughness: Roughness::SMOOTH,
         },
     ));
     let porcelain = room.material(material(
@@ -147,15 +144,15 @@ impl Builder {
     }
 
     fn glass(&mut self, name: &str, tint: Vec3) -> MaterialId {
-        let (roughness, tint) = (ScalarParam::constant(0.0), ColorParam::constant(tint));
+        let (roughness, tint) = (Roughness::SMOOTH, ColorParam::constant(tint));
         self.material(material(name, Surface::Dielectric { ior: 1.5, roughness, tint }))
     }
 
     fn gold(&mut self, name: &str, roughness: f32) -> MaterialId {
         let eta = Vec3::new(0.143, 0.375, 1.442);
         let k = Vec3::new(3.983, 2.386, 1.603);
-        let roughness = ScalarParam::constant(roughness);
-        self.material(material(name, Surface::Conductor { eta, k, roughness }))
+        let roughness = Roughness::perceptual(ScalarParam::constant(roughness));
+        self.material(material(name, Surface::Conductor { metal: Metal::Index { eta, k }, roughness }))
     }
 
     /// A diffuse checkerboard with one period per metre of texture coordinates.
@@ -168,13 +165,13 @@ impl Builder {
             height: 2,
             texels: Texels::Float(vec![light, dark, dark, light]),
         };
-        self.scene.textures.push(Texture {
+        self.scene.textures.push(Texture::Image(ImageTexture {
             image: Arc::new(image),
             wrap: [Wrap::Repeat; 2],
             filter: TexelFilter::Nearest,
-            transform: Affine2::from_scale(Vec2::splat(1.25)),
-            uv_set: 0,
-        });
+            mapping: Mapping::Uv { set: 0, transform: Affine2::from_scale(Vec2::splat(1.25)) },
+            invert: false,
+        }));
         let texture = Some(TextureId(self.scene.textures.len() as u32 - 1));
         let reflectance = ColorParam { factor: Vec3::ONE, texture };
         self.material(material(name, Surface::Diffuse { reflectance }))
@@ -186,8 +183,10 @@ impl Builder {
 
     fn place(&mut self, name: &str, geometry: Geometry, material: MaterialId) {
         let object = ObjectId(self.scene.objects.len() as u32);
-        self.scene.objects.push(Object { name: name.to_owned(), shapes: vec![Shape { geometry, material }] });
-        self.scene.instances.push(Instance { object, to_world: Affine3A::IDENTITY });
+        self.scene
+            .objects
+            .push(Object { name: name.to_owned(), shapes: vec![Shape::new(geometry, material)] });
+        self.scene.instances.push(Instance::still(object, Affine3A::IDENTITY));
     }
 }
 
@@ -198,6 +197,7 @@ fn material(name: &str, surface: Surface) -> Material {
         emission: ColorParam::constant(Vec3::ZERO),
         emission_two_sided: false,
         normal_map: None,
+        bump: None,
         alpha: Alpha::Opaque,
     }
 }

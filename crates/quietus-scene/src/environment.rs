@@ -7,7 +7,7 @@ use std::sync::Arc;
 use exr::prelude::{ReadChannels, ReadLayers};
 use glam::{Mat3, Vec3};
 use image::ImageDecoder;
-use quietus_trace::desc::{Environment, Image, Texels};
+use quietus_trace::desc::{Environment, EnvironmentLayout, Image, Texels};
 
 use crate::error::{ErrorKind, SceneError};
 
@@ -39,7 +39,12 @@ pub fn load_environment(path: &Path) -> Result<Environment, SceneError> {
         height,
         texels: Texels::Float(checked(path, width, texels)?),
     };
-    Ok(Environment { image: Some(Arc::new(image)), scale: Vec3::ONE, to_world: Mat3::IDENTITY })
+    Ok(Environment {
+        image: Some(Arc::new(image)),
+        layout: EnvironmentLayout::LatLong,
+        scale: Vec3::ONE,
+        to_world: Mat3::IDENTITY,
+    })
 }
 
 type Pixels = (u32, u32, Vec<[f32; 4]>);

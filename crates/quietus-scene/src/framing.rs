@@ -55,12 +55,8 @@ fn look_from(view: Vec3, [low, high]: [Vec3; 2]) -> Camera {
     let least = 1e-6 * center.abs().max_element().max(1.0);
     let distance = (0..8).map(distance).fold(least, f32::max);
     Camera {
-        name: "framing".to_owned(),
-        to_world: look_at(center + distance * view.normalize(), center),
-        fov_y: FRAMING_FOV_Y,
-        aspect: None,
-        lens_radius: 0.0,
         focus_distance: distance,
+        ..Camera::perspective("framing", look_at(center + distance * view.normalize(), center), FRAMING_FOV_Y)
     }
 }
 
@@ -85,7 +81,7 @@ fn world_triangles(scene: &SceneDesc) -> Vec<[Vec3; 3]> {
 /// hits. Every triangle is tried, once per scene and view: that takes less time than building a tree.
 fn share_of_backs(triangles: &[[Vec3; 3]], camera: &Camera) -> f32 {
     const GRID: u16 = 8;
-    let slope = (0.5 * camera.fov_y).tan();
+    let slope = (0.5 * FRAMING_FOV_Y).tan();
     let origin = Vec3::from(camera.to_world.translation);
     let (mut hits, mut backs) = (0_u16, 0_u16);
     for cell in 0..GRID * GRID {

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use glam::Vec3;
-use quietus_trace::desc::{Geometry, Light, Material, Object, SceneDesc};
+use quietus_trace::desc::{Geometry, Light, Material, Object, Quadric, SceneDesc};
 
 /// Counts and bounds of a scene, see [`summary`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -69,7 +69,7 @@ pub fn summary(scene: &SceneDesc) -> Summary {
 fn triangles(object: &Object) -> u64 {
     let of_shape = |geometry: &Geometry| match geometry {
         Geometry::Mesh(mesh) => mesh.triangles.len() as u64,
-        Geometry::Sphere { .. } => 0,
+        _ => 0,
     };
     object.shapes.iter().map(|shape| of_shape(&shape.geometry)).sum()
 }
@@ -95,15 +95,45 @@ pub(crate) fn bounds(scene: &SceneDesc) -> Option<[Vec3; 2]> {
                     used.filter_map(|&i| mesh.positions.get(i as usize)).for_each(|&p| grow(p));
                 }
                 Geometry::Sphere { center, radius } => {
-                    for corner in 0..8 {
-                        let sign = |bit: u32| if corner >> bit & 1 == 0 { -radius } else { *radius };
-                        grow(center + Vec3::new(sign(0), sign(1), sign(2)));
+                    let radius = Vec3::splat(*radius);
+                    corners(*center - radius, *center + radius).for_each(&mut grow);
+                }
+                Geometry::Quadric(quadric) => {
+                    let [low, high] = quadric_box(quadric);
+                    corners(low, high).for_each(&mut grow);
+                }
+                Geometry::Patches(mesh) => {
+                    let used = mesh.patches.iter().flatten();
+                    used.filter_map(|&i| mesh.positions.get(i as usize)).for_each(|&p| grow(p));
+                }
+                Geometry::Curves(curves) => {
+                    for segment in &curves.segments {
+                        let half = Vec3::splat(0.5 * segment.widths[0].max(segment.widths[1]));
+                        segment.points.iter().flat_map(|&p| corners(p - half, p + half)).for_each(&mut grow);
                     }
                 }
             }
         }
     }
     (bounds[0].x <= bounds[1].x).then_some(bounds)
+}
+
+/// The corners of a box.
+fn corners(low: Vec3, high: Vec3) -> impl Iterator<Item = Vec3> {
+    (0..8).map(move |corner| {
+        let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        Vec3::new(pick(0), pick(1), pick(2))
+    })
+}
+
+/// A box around a quadric, as if it were swept all around.
+fn quadric_box(quadric: &Quadric) -> [Vec3; 2] {
+    let (radius, z_min, z_max) = match *quadric {
+        Quadric::PartialSphere { radius, z_min, z_max, .. }
+        | Quadric::Cylinder { radius, z_min, z_max, .. } => (radius, z_min, z_max),
+        Quadric::Disk { height, radius, .. } => (radius, height, height),
+    };
+    [Vec3::new(-radius, -radius, z_min), Vec3::new(radius, radius, z_max)]
 }
 
 impl fmt::Display for Summary {

@@ -35,12 +35,12 @@ fn the_lamp_is_small_and_there_is_glass_and_a_mirror() {
             let emission = scene.materials[shape.material.0 as usize].emission.factor;
             (emission.max_element() > 0.0).then_some(2.0 * radius)
         }
-        Geometry::Mesh(_) => None,
+        _ => None,
     });
     let share = lamp.expect("a lamp") / (high.x - low.x);
     assert!(share < 0.1, "the lamp is {share} of the room's width");
     assert!(scene.materials.iter().any(|m| matches!(m.surface, Surface::Dielectric { .. })));
-    let mirror = |surface: &Surface| matches!(surface, Surface::Conductor { roughness, .. } if roughness.factor == 0.0);
+    let mirror = |surface: &Surface| matches!(surface, Surface::Conductor { roughness, .. } if roughness.u.factor == 0.0);
     assert!(scene.materials.iter().any(|material| mirror(&material.surface)));
 }
 
@@ -70,7 +70,7 @@ fn spheres_stand_apart() {
     let spheres: Vec<_> = shapes(&scene)
         .filter_map(|shape| match shape.geometry {
             Geometry::Sphere { center, radius } => Some((center, radius)),
-            Geometry::Mesh(_) => None,
+            _ => None,
         })
         .collect();
     for (i, (a, r)) in spheres.iter().enumerate() {

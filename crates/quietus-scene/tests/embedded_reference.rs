@@ -8,7 +8,7 @@ use std::path::Path;
 
 use exr::prelude::{ReadChannels, ReadLayers, read};
 use glam::DVec3;
-use quietus_trace::desc::{ColorParam, ScalarParam, SceneDesc, Surface};
+use quietus_trace::desc::{ColorParam, Roughness, SceneDesc, Surface};
 use quietus_trace::filter::Filter;
 use quietus_trace::scene::Scene;
 use quietus_trace::tile::{PixelWork, Sample, SampleSink, render_tile};
@@ -29,7 +29,7 @@ fn simplified() -> SceneDesc {
     let mut scene = quietus_scene::embedded();
     for material in &mut scene.materials {
         match &mut material.surface {
-            Surface::Conductor { roughness, .. } => *roughness = ScalarParam::constant(0.0),
+            Surface::Conductor { roughness, .. } => *roughness = Roughness::SMOOTH,
             Surface::MetalRough(m) => {
                 let reflectance = ColorParam::constant(m.base_color.factor);
                 material.surface = Surface::Diffuse { reflectance };

@@ -5,14 +5,29 @@ mod common;
 use common::{add_accessor, data_uri, floats, read, read_ok, triangle};
 use glam::{Vec2, Vec3, Vec4};
 use quietus_trace::desc::{
-    Alpha, Geometry, Light, Mesh, MetalRough, SceneDesc, Surface, TexelFilter, Texels, Wrap,
+    Alpha, Camera, FrameAxis, Geometry, ImageTexture, Light, Mapping, Mesh, MetalRough, Projection,
+    SceneDesc, Surface, TexelFilter, Texels, Texture, Wrap,
 };
 use serde_json::{Value, json};
 
 fn mesh(scene: &SceneDesc) -> &Mesh {
     match &scene.objects[0].shapes[0].geometry {
         Geometry::Mesh(mesh) => mesh,
-        Geometry::Sphere { .. } => panic!("glTF has no spheres"),
+        other => panic!("glTF has no {other:?}"),
+    }
+}
+
+fn fov(camera: &Camera) -> f32 {
+    match camera.projection {
+        Projection::Perspective { fov, axis: FrameAxis::Vertical } => fov,
+        other => panic!("glTF has no {other:?}"),
+    }
+}
+
+fn image_texture(scene: &SceneDesc, index: usize) -> &ImageTexture {
+    match &scene.textures[index] {
+        Texture::Image(texture) => texture,
+        other => panic!("glTF has no {other:?}"),
     }
 }
 
@@ -69,7 +84,7 @@ fn the_added_camera_sees_every_corner() {
     for corner in &mesh(&loaded.scene).positions {
         let seen = camera.to_world.inverse().transform_point3(*corner);
         assert!(seen.z < 0.0, "in front of the camera");
-        let slope = (0.5 * camera.fov_y).tan();
+        let slope = (0.5 * fov(camera)).tan();
         assert!(seen.truncate().abs().max_element() < -seen.z * slope, "{seen} is outside of the picture");
     }
 }
@@ -233,7 +248,7 @@ fn cameras() {
     document["scenes"][0]["nodes"] = json!([0, 1, 2, 3]);
     let cameras = read_ok(&document).scene.cameras;
     assert_eq!(cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>(), ["left", "left 2"]);
-    assert_eq!((cameras[0].fov_y, cameras[0].aspect), (0.7, Some(1.5)));
+    assert_eq!((fov(&cameras[0]), cameras[0].aspect), (0.7, Some(1.5)));
     let axes = cameras[0].to_world.matrix3;
     assert_eq!(axes.determinant(), 1.0, "scale and mirroring are taken off: {axes}");
     assert_eq!(axes.z_axis, glam::Vec3A::NEG_Z, "the mirrored node looks the other way");
@@ -303,10 +318,12 @@ fn material_with_every_extension() {
     assert_eq!((value.factor, channel(value.texture), cutoff), (0.4, Some(3), 0.3));
     // One texture as colours, one as numbers, each decoded once.
     assert_eq!(scene.textures.len(), 2);
-    assert!(matches!(&scene.textures[0].image.texels, Texels::Linear8(t) if t[1] == [128, 128, 128, 64]));
-    assert!(matches!(&scene.textures[1].image.texels, Texels::Srgb8(t) if t[0] == [255, 0, 0, 255]));
-    assert_eq!(scene.textures[0].wrap, [Wrap::Clamp, Wrap::Mirror]);
-    assert_eq!(scene.textures[0].filter, TexelFilter::Nearest);
+    assert!(
+        matches!(&image_texture(&scene, 0).image.texels, Texels::Linear8(t) if t[1] == [128, 128, 128, 64])
+    );
+    assert!(matches!(&image_texture(&scene, 1).image.texels, Texels::Srgb8(t) if t[0] == [255, 0, 0, 255]));
+    assert_eq!(image_texture(&scene, 0).wrap, [Wrap::Clamp, Wrap::Mirror]);
+    assert_eq!(image_texture(&scene, 0).filter, TexelFilter::Nearest);
 }
 
 #[test]
@@ -327,15 +344,17 @@ fn texture_transforms_reach_every_texture() {
     let document = textured(json!({"normalTexture": transformed, "emissiveTexture": {"index": 0}}));
     let scene = read_ok(&document).scene;
     let (map, _) = scene.materials[0].normal_map.expect("a normal map");
-    let texture = &scene.textures[map.0 as usize];
-    assert_eq!(texture.uv_set, 1);
+    let Mapping::Uv { set, transform } = image_texture(&scene, map.0 as usize).mapping else {
+        panic!("mapped by uv")
+    };
+    assert_eq!(set, 1);
     // u is doubled, then turned counter-clockwise as seen, that is towards smaller v.
-    let (u, v) = (texture.transform.transform_point2(Vec2::X), texture.transform.transform_point2(Vec2::Y));
+    let (u, v) = (transform.transform_point2(Vec2::X), transform.transform_point2(Vec2::Y));
     assert!(u.distance(Vec2::new(0.5, 0.25 - 2.)) < 1e-6, "{u}");
     assert!(v.distance(Vec2::new(0.5 + 3., 0.25)) < 1e-6, "{v}");
     assert_eq!(scene.textures.len(), 2, "the plain use is another texture");
     assert!(
-        std::sync::Arc::ptr_eq(&scene.textures[0].image, &scene.textures[1].image)
+        std::sync::Arc::ptr_eq(&image_texture(&scene, 0).image, &image_texture(&scene, 1).image)
             || scene.textures.len() == 2
     );
 }
@@ -347,7 +366,7 @@ fn sixteen_bit_pictures_become_floats() {
     let mut document = textured(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}));
     document["images"] = json!([{"uri": data_uri(&png(picture.into()))}]);
     let scene = read_ok(&document).scene;
-    let Texels::Float(texels) = &scene.textures[0].image.texels else { panic!("expected floats") };
+    let Texels::Float(texels) = &image_texture(&scene, 0).image.texels else { panic!("expected floats") };
     // The sRGB curve at 32768/65535, from its definition: ((0.5000076 + 0.055) / 1.055)^2.4.
     let expected = ((32768.0_f64 / 65535.0 + 0.055) / 1.055).powf(2.4) as f32;
     assert!((texels[0][1] - expected).abs() < 1e-6, "{texels:?}");
@@ -367,7 +386,7 @@ fn pictures_and_buffers_from_files() {
     write("büffer.bin", &floats(&[0., 0., 0., 1., 0., 0., 0., 1., 0.]));
     write("scene.gltf", document.to_string().as_bytes());
     let scene = quietus_scene::load(&folder.path().join("scene.gltf")).expect("a sound file").scene;
-    assert_eq!(scene.textures[0].image.width, 2);
+    assert_eq!(image_texture(&scene, 0).image.width, 2);
     assert_eq!(mesh(&scene).positions[1], Vec3::X);
 }
 
@@ -391,7 +410,7 @@ fn pictures_from_buffer_views_of_a_binary_file() {
         glb.extend(chunk);
     }
     let scene = quietus_scene::load_bytes("test.glb".as_ref(), &glb).expect("a sound file").scene;
-    assert_eq!(scene.textures[0].image.width, 2);
+    assert_eq!(image_texture(&scene, 0).image.width, 2);
 }
 
 #[test]

@@ -9,8 +9,9 @@ use cpu_time::ThreadTime;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{Affine2, Affine3A, Vec2, Vec3};
 use quietus_trace::desc::{
-    Alpha, Camera, ColorParam, Geometry, Image, Instance, Material, MaterialId, Mesh, MetalRough, Object,
-    ObjectId, ScalarParam, SceneDesc, Shape, Surface, TexelFilter, Texels, Texture, TextureId, Wrap,
+    Alpha, Camera, ColorParam, Geometry, Image, ImageTexture, Instance, Mapping, Material, MaterialId, Mesh,
+    Metal, MetalRough, Object, ObjectId, Roughness, ScalarParam, SceneDesc, Shape, Surface, TexelFilter,
+    Texels, Texture, TextureId, Wrap,
 };
 use quietus_trace::filter::Filter;
 use quietus_trace::scene::Scene;
@@ -26,6 +27,7 @@ fn material(scene: &mut SceneDesc, surface: Surface, emission: f32) -> MaterialI
         emission: ColorParam::constant(Vec3::splat(emission)),
         emission_two_sided: false,
         normal_map: None,
+        bump: None,
         alpha: Alpha::Opaque,
     });
     MaterialId(scene.materials.len() as u32 - 1)
@@ -33,8 +35,8 @@ fn material(scene: &mut SceneDesc, surface: Surface, emission: f32) -> MaterialI
 
 fn place(scene: &mut SceneDesc, geometry: Geometry, material: MaterialId) {
     let object = ObjectId(scene.objects.len() as u32);
-    scene.objects.push(Object { name: String::new(), shapes: vec![Shape { geometry, material }] });
-    scene.instances.push(Instance { object, to_world: Affine3A::IDENTITY });
+    scene.objects.push(Object { name: String::new(), shapes: vec![Shape::new(geometry, material)] });
+    scene.instances.push(Instance::still(object, Affine3A::IDENTITY));
 }
 
 fn diffuse(reflectance: Vec3) -> Surface {
@@ -54,24 +56,23 @@ fn quad(corner: Vec3, u: Vec3, v: Vec3) -> Geometry {
 fn tiles(scene: &mut SceneDesc) -> Surface {
     let [light, dark] = [[0.7, 0.7, 0.6, 1.0], [0.3, 0.3, 0.25, 1.0]];
     let texels = Texels::Float(vec![light, dark, dark, light]);
-    scene.textures.push(Texture {
+    scene.textures.push(Texture::Image(ImageTexture {
         image: Arc::new(Image { name: "tiles".into(), width: 2, height: 2, texels }),
         wrap: [Wrap::Repeat; 2],
         filter: TexelFilter::Nearest,
-        transform: Affine2::from_scale(Vec2::splat(4.0)),
-        uv_set: 0,
-    });
+        mapping: Mapping::Uv { set: 0, transform: Affine2::from_scale(Vec2::splat(4.0)) },
+        invert: false,
+    }));
     Surface::Diffuse { reflectance: ColorParam { factor: Vec3::ONE, texture: Some(TextureId(0)) } }
 }
 
 fn balls(scene: &mut SceneDesc) {
     let scalar = ScalarParam::constant;
     let glass =
-        Surface::Dielectric { ior: 1.5, roughness: scalar(0.0), tint: ColorParam::constant(Vec3::ONE) };
+        Surface::Dielectric { ior: 1.5, roughness: Roughness::SMOOTH, tint: ColorParam::constant(Vec3::ONE) };
     let gold = Surface::Conductor {
-        eta: Vec3::new(0.143, 0.375, 1.442),
-        k: Vec3::new(3.983, 2.386, 1.603),
-        roughness: scalar(0.3),
+        metal: Metal::Index { eta: Vec3::new(0.143, 0.375, 1.442), k: Vec3::new(3.983, 2.386, 1.603) },
+        roughness: Roughness::perceptual(scalar(0.3)),
     };
     let coated = Surface::MetalRough(Box::new(MetalRough {
         base_color: ColorParam::constant(Vec3::new(0.05, 0.16, 0.42)),
@@ -141,14 +142,7 @@ fn frame(count: u32) -> Vec<PixelWork> {
 
 fn paths(criterion: &mut Criterion) {
     let scene = Scene::build(&cornell_box()).expect("a sound scene");
-    let camera = Camera {
-        name: String::new(),
-        to_world: Affine3A::from_translation(Vec3::new(0.0, 1.0, 4.0)),
-        fov_y: 0.6,
-        aspect: None,
-        lens_radius: 0.0,
-        focus_distance: 1.0,
-    };
+    let camera = Camera::perspective("", Affine3A::from_translation(Vec3::new(0.0, 1.0, 4.0)), 0.6);
     let mut group = criterion.benchmark_group("paths");
     for depth in [2, 8] {
         let view = View::new(&camera, [SIZE, SIZE], Filter::BlackmanHarris, depth, 1).expect("a sound view");

@@ -34,6 +34,12 @@ pub enum CameraError {
         /// What it said.
         focus_distance: f32,
     },
+    /// Something the description can say and the renderer does not draw.
+    #[error("camera \"{name}\": only perspective cameras that stand still outside of media are supported")]
+    Unsupported {
+        /// The camera's name.
+        name: String,
+    },
     /// `to_world` scales, shears or is not finite.
     #[error("camera \"{name}\": its transform is not a rotation with translation")]
     Transform {
@@ -77,8 +83,15 @@ impl Camera {
         if width == 0 || height == 0 {
             return Err(CameraError::EmptyFrame(width, height));
         }
-        if !(camera.fov_y > 0.0 && camera.fov_y < std::f32::consts::PI) {
-            return Err(CameraError::FieldOfView { name: name(), fov_y: camera.fov_y });
+        let desc::Projection::Perspective { fov: fov_y, axis: desc::FrameAxis::Vertical } = camera.projection
+        else {
+            return Err(CameraError::Unsupported { name: name() });
+        };
+        if camera.end_to_world.is_some() || camera.medium.is_some() {
+            return Err(CameraError::Unsupported { name: name() });
+        }
+        if !(fov_y > 0.0 && fov_y < std::f32::consts::PI) {
+            return Err(CameraError::FieldOfView { name: name(), fov_y });
         }
         let (lens_radius, focus_distance) = (camera.lens_radius, camera.focus_distance);
         let sharp = focus_distance > 0.0 && focus_distance.is_finite();
@@ -91,7 +104,7 @@ impl Camera {
         Ok(Self {
             to_world: camera.to_world,
             forward: -Vec3::from(camera.to_world.matrix3.z_axis),
-            pixel_size: 2.0 * (0.5 * camera.fov_y).tan() / height as f32,
+            pixel_size: 2.0 * (0.5 * fov_y).tan() / height as f32,
             half_frame: 0.5 * Vec2::new(width as f32, height as f32),
             lens_radius,
             // A pinhole may come without a distance; any one gives the same ray.
@@ -139,14 +152,8 @@ mod tests {
 
     fn described(lens_radius: f32) -> desc::Camera {
         let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, -1.2, 0.5);
-        desc::Camera {
-            name: "test".into(),
-            to_world: Affine3A::from_mat3_translation(Mat3::from_quat(turn), Vec3::new(1.0, 2.0, 3.0)),
-            fov_y: 0.8,
-            aspect: None,
-            lens_radius,
-            focus_distance: 2.5,
-        }
+        let to_world = Affine3A::from_mat3_translation(Mat3::from_quat(turn), Vec3::new(1.0, 2.0, 3.0));
+        desc::Camera { lens_radius, focus_distance: 2.5, ..desc::Camera::perspective("test", to_world, 0.8) }
     }
 
     /// The corners of the frame lie at the tangent of half the angle of view, right is right and up is up.
@@ -192,7 +199,10 @@ mod tests {
         let refuse = |camera: &desc::Camera| Camera::new(camera, 4, 4).expect_err("must be refused");
         assert_eq!(Camera::new(&sound, 0, 4).expect_err("no pixels"), CameraError::EmptyFrame(0, 4));
         for fov_y in [0.0, -1.0, f32::NAN, 3.2] {
-            let error = refuse(&desc::Camera { fov_y, ..sound.clone() });
+            let error = refuse(&desc::Camera {
+                projection: desc::Projection::Perspective { fov: fov_y, axis: desc::FrameAxis::Vertical },
+                ..sound.clone()
+            });
             assert!(matches!(error, CameraError::FieldOfView { .. }), "{error}");
         }
         for (lens_radius, focus_distance) in [(-1.0, 1.0), (0.1, 0.0), (f32::NAN, 1.0), (0.1, f32::INFINITY)]

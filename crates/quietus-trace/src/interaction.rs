@@ -94,6 +94,7 @@ impl Interaction {
                 let rough = origin + hit.t * direction;
                 Self::on_sphere(*center, *radius, material, textured, placement, rough)
             }
+            _ => unreachable!("refused when the scene is built"),
         }
     }
 

@@ -4,7 +4,10 @@ use glam::{Vec3, Vec4};
 
 use crate::{
     bsdf::{Bsdf, Conductor, Dielectric, Diffuse, MetalRough, MetalRoughParams},
-    desc::{self, Alpha, ColorParam, MaterialId, ScalarParam, Surface, Texels, Texture, TextureId},
+    desc::{
+        self, Alpha, ColorParam, ImageTexture, Mapping, MaterialId, Metal, Roughness, RoughnessScale,
+        ScalarParam, Surface, Texels, Texture, TextureId,
+    },
     frame::Frame,
 };
 
@@ -43,6 +46,14 @@ pub enum MaterialError {
         expected: &'static str,
         /// What was found.
         value: String,
+    },
+    /// Something the description can say and the renderer does not draw.
+    #[error("material {material:?}: {what} is not supported")]
+    Unsupported {
+        /// The material's name.
+        material: String,
+        /// What it asks for.
+        what: &'static str,
     },
     /// A texture that cannot be looked up.
     #[error("texture {index} (image {image:?}): {problem}")]
@@ -88,8 +99,8 @@ impl MaterialTable {
         let scalar = |p: &ScalarParam| p.texture.is_some();
         let scattering = match surface {
             Surface::Diffuse { reflectance } => color(reflectance),
-            Surface::Conductor { roughness, .. } => scalar(roughness),
-            Surface::Dielectric { roughness, tint, .. } => scalar(roughness) || color(tint),
+            Surface::Conductor { roughness, .. } => scalar(&roughness.u),
+            Surface::Dielectric { roughness, tint, .. } => scalar(&roughness.u) || color(tint),
             Surface::MetalRough(m) => {
                 let scalars = [
                     &m.metallic,
@@ -104,6 +115,7 @@ impl MaterialTable {
                     || scalars.into_iter().any(scalar)
                     || m.clearcoat_normal.is_some()
             }
+            _ => false,
         };
         scattering || color(emission) || normal_map.is_some()
     }
@@ -118,11 +130,11 @@ impl MaterialTable {
             Surface::Diffuse { reflectance } => {
                 Bsdf::Diffuse(Diffuse { reflectance: unit_color(reflectance) })
             }
-            Surface::Conductor { eta, k, roughness } => {
-                Bsdf::Conductor(Conductor::new(*eta, *k, unit(roughness)))
+            Surface::Conductor { metal: Metal::Index { eta, k }, roughness } => {
+                Bsdf::Conductor(Conductor::new(*eta, *k, unit(&roughness.u)))
             }
             Surface::Dielectric { ior, roughness, tint } => {
-                Bsdf::Dielectric(Dielectric::new(*ior, unit(roughness), unit_color(tint)))
+                Bsdf::Dielectric(Dielectric::new(*ior, unit(&roughness.u), unit_color(tint)))
             }
             Surface::MetalRough(m) if m.unlit => Bsdf::Black,
             Surface::MetalRough(m) => Bsdf::MetalRough(MetalRough::new(&MetalRoughParams {
@@ -137,6 +149,8 @@ impl MaterialTable {
                 clearcoat_roughness: unit(&m.clearcoat_roughness),
                 clearcoat_normal: self.clearcoat_normal(self.material(id), m, point),
             })),
+            // Refused by [`Self::compile`].
+            _ => Bsdf::Black,
         }
     }
 
@@ -184,7 +198,9 @@ impl MaterialTable {
     pub fn mean_emission(&self, id: MaterialId) -> Vec3 {
         let ColorParam { factor, texture } = self.material(id).emission;
         let Some(TextureId(texture)) = texture else { return factor };
-        let image = &self.textures[texture as usize].image;
+        let Texture::Image(ImageTexture { image, .. }) = &self.textures[texture as usize] else {
+            return factor;
+        };
         let sum: Vec4 = (0..image.height)
             .flat_map(|y| (0..image.width).map(move |x| (x, y)))
             .map(|(x, y)| image.texel(x, y))
@@ -258,6 +274,14 @@ impl MaterialTable {
 
 /// Finds what cannot be looked up in a texture.
 fn check_texture(index: usize, texture: &Texture) -> Result<(), MaterialError> {
+    let texture = match texture {
+        Texture::Image(texture) => texture,
+        Texture::Constant(_) => return Ok(()),
+        _ => {
+            let problem = "this kind of texture is not supported".to_owned();
+            return Err(MaterialError::Texture { index, image: String::new(), problem });
+        }
+    };
     let image = &texture.image;
     let texels = match &image.texels {
         Texels::Srgb8(t) | Texels::Linear8(t) => t.len(),
@@ -269,12 +293,19 @@ fn check_texture(index: usize, texture: &Texture) -> Result<(), MaterialError> {
         format!("{}x{} texels were announced, but there are {texels}", image.width, image.height)
     } else if image.width.max(image.height) > 1 << 24 {
         format!("{}x{} texels are more than 2^24 along one side", image.width, image.height)
-    } else if texture.uv_set > 1 {
-        format!("it uses set {} of texture coordinates, 0 or 1 was expected", texture.uv_set)
-    } else if !texture.transform.is_finite() {
-        "its transform is not finite".to_owned()
+    } else if texture.invert || texture.wrap.contains(&desc::Wrap::Black) {
+        "inverted textures and black borders are not supported".to_owned()
     } else {
-        return Ok(());
+        match texture.mapping {
+            Mapping::Uv { set, .. } if set > 1 => {
+                format!("it uses set {set} of texture coordinates, 0 or 1 was expected")
+            }
+            Mapping::Uv { transform, .. } if !transform.is_finite() => {
+                "its transform is not finite".to_owned()
+            }
+            Mapping::Uv { .. } => return Ok(()),
+            _ => "mappings other than uv are not supported".to_owned(),
+        }
     };
     Err(MaterialError::Texture { index, image: image.name.clone(), problem })
 }
@@ -288,6 +319,9 @@ struct Check<'a> {
 impl Check<'_> {
     fn all(&self) -> Result<(), MaterialError> {
         let m = self.material;
+        if m.bump.is_some() {
+            return Err(self.unsupported("a bump map"));
+        }
         self.color("emission", &m.emission)?;
         self.normal_map("normal map", m.normal_map)?;
         match &m.alpha {
@@ -300,7 +334,7 @@ impl Check<'_> {
         }
         match &m.surface {
             Surface::Diffuse { reflectance } => self.color("reflectance", reflectance),
-            Surface::Conductor { eta, k, roughness } => {
+            Surface::Conductor { metal: Metal::Index { eta, k }, roughness } => {
                 let sound =
                     eta.is_finite() && k.is_finite() && eta.min_element() > 0.0 && k.min_element() >= 0.0;
                 let value = format!("{eta} + i {k}");
@@ -310,16 +344,28 @@ impl Check<'_> {
                     "finite, real part above 0, imaginary at least 0",
                     value,
                 )?;
-                self.scalar("roughness", roughness)
+                self.roughness(roughness)
             }
             Surface::Dielectric { ior, roughness, tint } => {
                 let sound = ior.is_finite() && *ior > 0.0;
                 self.range("ior", sound, "finite and above 0", ior.to_string())?;
-                self.scalar("roughness", roughness)?;
+                self.roughness(roughness)?;
                 self.color("tint", tint)
             }
             Surface::MetalRough(m) => self.metal_rough(m),
+            _ => Err(self.unsupported("this kind of surface")),
         }
+    }
+
+    fn unsupported(&self, what: &'static str) -> MaterialError {
+        MaterialError::Unsupported { material: self.material.name.clone(), what }
+    }
+
+    fn roughness(&self, roughness: &Roughness) -> Result<(), MaterialError> {
+        if roughness.u != roughness.v || roughness.scale != RoughnessScale::Squared {
+            return Err(self.unsupported("anisotropic roughness, or one that is not perceptual"));
+        }
+        self.scalar("roughness", &roughness.u)
     }
 
     fn metal_rough(&self, m: &desc::MetalRough) -> Result<(), MaterialError> {

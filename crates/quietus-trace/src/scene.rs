@@ -53,6 +53,14 @@ pub enum SceneBuildError {
         /// Its range.
         expected: &'static str,
     },
+    /// Something the description can say and the renderer does not draw.
+    #[error("{place}: {what} is not supported")]
+    Unsupported {
+        /// Where it stands.
+        place: String,
+        /// What it asks for.
+        what: &'static str,
+    },
     /// A texture or material cannot be used.
     #[error(transparent)]
     Material(#[from] MaterialError),
@@ -148,6 +156,7 @@ impl Scene {
                 let point = placed.placement.to_object.transform_point3(origin + hit.t * direction);
                 sphere_surface((point - center).normalize_or(Vec3::Y))
             }
+            _ => unreachable!("refused when the scene is built"),
         };
         self.materials.alpha(shape.material, &surface)
     }
@@ -190,6 +199,7 @@ impl Scene {
                 self.lights.pdf_of_triangle(first + hit.primitive, from, direction, distance)
             }
             Geometry::Sphere { .. } => self.lights.pdf_of_sphere(first, from, direction),
+            _ => unreachable!("refused when the scene is built"),
         }
     }
 }

@@ -4,7 +4,9 @@ use std::sync::LazyLock;
 
 use glam::{IVec2, Vec2, Vec3, Vec4};
 
-use crate::desc::{ColorParam, Image, ScalarParam, TexelFilter, Texels, Texture, TextureId, Wrap};
+use crate::desc::{
+    ColorParam, Image, ImageTexture, Mapping, ScalarParam, TexelFilter, Texels, Texture, TextureId, Wrap,
+};
 
 /// What texture look-ups need to know of a surface point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,17 +36,30 @@ impl Texture {
     /// Linear RGBA at `point`.
     ///
     /// # Panics
-    /// If the texture's `uv_set` is above 1 or its image has fewer texels than it claims.
+    /// If the texture's set of coordinates is above 1 or its image has fewer texels than it claims.
     #[inline(always)]
     pub fn lookup(&self, point: &SurfacePoint) -> Vec4 {
-        self.lookup_uv(point.uv[usize::from(self.uv_set)])
+        match self {
+            Self::Image(texture) => texture.lookup(point),
+            Self::Constant(value) => *value,
+            // Refused when the scene is compiled.
+            Self::Checkerboard { .. } | Self::Scale { .. } | Self::Mix { .. } => Vec4::ONE,
+        }
+    }
+}
+
+impl ImageTexture {
+    /// Linear RGBA at `point`.
+    #[inline(always)]
+    fn lookup(&self, point: &SurfacePoint) -> Vec4 {
+        // Other mappings are refused when the scene is compiled.
+        let Mapping::Uv { set, transform } = self.mapping else { return Vec4::ONE };
+        self.lookup_uv(transform.transform_point2(point.uv[usize::from(set)]))
     }
 
-    /// Linear RGBA at the surface coordinates `uv`, before the texture's own transform.
-    /// Coordinates that are not finite read as 0.
+    /// Linear RGBA at the texture coordinates `uv`. Coordinates that are not finite read as 0.
     #[inline(always)]
     pub fn lookup_uv(&self, uv: Vec2) -> Vec4 {
-        let uv = self.transform.transform_point2(uv);
         let uv = if uv.is_finite() { uv } else { Vec2::ZERO };
         // Tiles are taken off before scaling, so that coordinates far out keep their digits and fit an i32.
         let uv = Vec2::new(self.wrap[0].reduce(uv.x), self.wrap[1].reduce(uv.y));
@@ -99,7 +114,7 @@ impl Wrap {
         match self {
             Self::Repeat => t - t.floor(),
             Self::Mirror => t - 2.0 * (0.5 * t).floor(),
-            Self::Clamp => t.clamp(0.0, 1.0),
+            Self::Clamp | Self::Black => t.clamp(0.0, 1.0),
         }
     }
 
@@ -108,7 +123,7 @@ impl Wrap {
     fn texel(self, i: i32, size: i32) -> u32 {
         let inside = match self {
             Self::Repeat => i.rem_euclid(size),
-            Self::Clamp => i.clamp(0, size - 1),
+            Self::Clamp | Self::Black => i.clamp(0, size - 1),
             Self::Mirror => {
                 let i = i.rem_euclid(2 * size);
                 i.min(2 * size - 1 - i)
@@ -151,13 +166,14 @@ mod tests {
     use super::*;
 
     /// 2x2 texels whose red channel is 0, 1, 2, 3 in reading order.
-    fn numbers(wrap: Wrap, filter: TexelFilter) -> Texture {
+    fn numbers(wrap: Wrap, filter: TexelFilter) -> ImageTexture {
         let texels = Texels::Float((0..4).map(|i| [i as f32, 0.0, 0.0, 1.0]).collect());
         let image = Arc::new(Image { name: "numbers".into(), width: 2, height: 2, texels });
-        Texture { image, wrap: [wrap; 2], filter, transform: Affine2::IDENTITY, uv_set: 0 }
+        let mapping = Mapping::Uv { set: 0, transform: Affine2::IDENTITY };
+        ImageTexture { image, wrap: [wrap; 2], filter, mapping, invert: false }
     }
 
-    fn red(texture: &Texture, u: f32, v: f32) -> f32 {
+    fn red(texture: &ImageTexture, u: f32, v: f32) -> f32 {
         texture.lookup_uv(Vec2::new(u, v)).x
     }
 
@@ -213,8 +229,7 @@ mod tests {
     #[test]
     fn the_transform_and_the_uv_set_apply() {
         let mut t = numbers(Wrap::Repeat, TexelFilter::Nearest);
-        t.transform = Affine2::from_translation(Vec2::new(0.5, 0.0));
-        t.uv_set = 1;
+        t.mapping = Mapping::Uv { set: 1, transform: Affine2::from_translation(Vec2::new(0.5, 0.0)) };
         let point = SurfacePoint { uv: [Vec2::splat(9.9), Vec2::splat(0.25)], color: Vec4::ONE };
         assert_eq!(t.lookup(&point).x, 1.0);
     }

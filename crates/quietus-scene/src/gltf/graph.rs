@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use glam::{Affine3A, Mat3, Mat4, Quat, Vec3, Vec4};
-use quietus_trace::desc::{Camera, Instance, Light, ObjectId, SceneDesc};
+use quietus_trace::desc::{Camera, Instance, Light, ObjectId, SceneDesc, SpotFalloff};
 
 use super::document::Document;
 use super::material::Materials;
@@ -156,7 +156,7 @@ impl Builder<'_, '_> {
             }
         };
         if !self.scene.objects[object.0 as usize].shapes.is_empty() {
-            self.scene.instances.push(Instance { object, to_world });
+            self.scene.instances.push(Instance::still(object, to_world));
         }
         Ok(())
     }
@@ -218,8 +218,7 @@ impl Builder<'_, '_> {
             return Err(document.invalid(&format!("{place}.perspective.aspectRatio"), message));
         }
         let name = self.camera_name([&camera.name, &node.name, &place]);
-        let (lens_radius, focus_distance) = (0.0, 1.0);
-        self.scene.cameras.push(Camera { name, to_world, fov_y, aspect, lens_radius, focus_distance });
+        self.scene.cameras.push(Camera { aspect, ..Camera::perspective(name, to_world, fov_y) });
         Ok(())
     }
 
@@ -263,7 +262,14 @@ impl Builder<'_, '_> {
             "directional" => Light::Directional { direction, irradiance: strength },
             "spot" => {
                 let (inner_angle, outer_angle) = self.cone(&source.spot, &place)?;
-                Light::Spot { position, direction, intensity: strength, inner_angle, outer_angle }
+                Light::Spot {
+                    position,
+                    direction,
+                    intensity: strength,
+                    inner_angle,
+                    outer_angle,
+                    falloff: SpotFalloff::Square,
+                }
             }
             kind => {
                 let message = format!("is \"{kind}\", expected point, spot or directional");

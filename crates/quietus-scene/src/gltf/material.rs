@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use glam::{Affine2, Mat2, Vec2, Vec3};
 use quietus_trace::desc::{
-    Alpha, ColorParam, Material, MaterialId, MetalRough, ScalarParam, Surface, TexelFilter, Texture,
-    TextureId, Wrap,
+    Alpha, ColorParam, ImageTexture, Mapping, Material, MaterialId, MetalRough, ScalarParam, Surface,
+    TexelFilter, Texture, TextureId, Wrap,
 };
 
 use super::document::Document;
@@ -68,6 +68,7 @@ impl<'d, 'f> Materials<'d, 'f> {
             emission,
             emission_two_sided: source.double_sided,
             normal_map: self.normal_map(source.normal_texture.as_ref(), &format!("{own}.normalTexture"))?,
+            bump: None,
             alpha,
         })
     }
@@ -236,7 +237,8 @@ impl<'d, 'f> Materials<'d, 'f> {
         let image = self.images.get(document, image, encoding, &format!("{own}.source"))?;
         let (wrap, filter) = sampler(document, source.sampler, &own)?;
         let id = TextureId(self.textures.len() as u32);
-        self.textures.push(Texture { image, wrap, filter, transform: matrix, uv_set: uv_set as u8 });
+        let mapping = Mapping::Uv { set: uv_set as u8, transform: matrix };
+        self.textures.push(Texture::Image(ImageTexture { image, wrap, filter, mapping, invert: false }));
         self.texture_ids.insert(key, id);
         Ok(Some(id))
     }
@@ -282,6 +284,7 @@ fn default_material() -> Material {
         emission: ColorParam::constant(Vec3::ZERO),
         emission_two_sided: false,
         normal_map: None,
+        bump: None,
         alpha: Alpha::Opaque,
     }
 }

@@ -24,7 +24,7 @@ pub(super) fn object(
         let place = format!("{own}.primitives[{i}]");
         let Some(mesh) = read_primitive(document, primitive, &place)? else { continue };
         let material = materials.get(primitive.material, &format!("{place}.material"))?;
-        shapes.push(Shape { geometry: Geometry::Mesh(Arc::new(mesh)), material });
+        shapes.push(Shape::new(Geometry::Mesh(Arc::new(mesh)), material));
     }
     let name = if mesh.name.is_empty() { own } else { mesh.name.clone() };
     Ok(Object { name, shapes })
@@ -70,6 +70,7 @@ fn read_primitive(
         colors: read.vectors("COLOR_0", &["VEC3", "VEC4"], [1.0; 4], |color| {
             Vec4::from_array(color).clamp(Vec4::ZERO, Vec4::ONE)
         })?,
+        ..Mesh::default()
     };
     // Flat normals are what the tracer takes where there are none; tangents are then to be ignored
     // (specification, section 3.7.2.1).

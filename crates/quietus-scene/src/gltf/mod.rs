@@ -21,7 +21,7 @@ mod schema;
 use std::path::Path;
 
 use glam::{Mat3, Vec3};
-use quietus_trace::desc::{Environment, SceneDesc};
+use quietus_trace::desc::{Environment, EnvironmentLayout, SceneDesc};
 
 use crate::error::SceneError;
 use crate::{Loaded, framing, summary};
@@ -65,6 +65,7 @@ fn complete(document: &Document<'_>, scene: &mut SceneDesc) {
     if scene.lights.is_empty() && emitters.count() == 0 {
         document.warn("", PLAIN_SKY);
         let (scale, to_world) = (SKY, Mat3::IDENTITY);
-        scene.environment = Some(Environment { image: None, scale, to_world });
+        scene.environment =
+            Some(Environment { image: None, layout: EnvironmentLayout::LatLong, scale, to_world });
     }
 }

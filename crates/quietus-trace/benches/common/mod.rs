@@ -74,9 +74,9 @@ impl Scene {
     /// What [`Accel::build`] takes.
     pub(crate) fn objects(&self) -> ([Object; 1], [Instance; 1]) {
         let geometry = Geometry::Mesh(self.mesh.clone());
-        let shape = Shape { geometry, material: MaterialId(0) };
+        let shape = Shape::new(geometry, MaterialId(0));
         let object = Object { name: self.name.into(), shapes: vec![shape] };
-        ([object], [Instance { object: ObjectId(0), to_world: Affine3A::IDENTITY }])
+        ([object], [Instance::still(ObjectId(0), Affine3A::IDENTITY)])
     }
 
     pub(crate) fn build(&self) -> Accel {

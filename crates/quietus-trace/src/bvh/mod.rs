@@ -131,7 +131,7 @@ impl Accel {
             .collect();
         let mut placed = Vec::new();
         let mut items = Vec::new();
-        for (instance, &Instance { object, to_world }) in (0u32..).zip(instances) {
+        for (instance, &Instance { object, to_world, .. }) in (0u32..).zip(instances) {
             let index = object.0 as usize;
             if let Some((root, bounds)) = trees[index] {
                 if bounds.is_empty() {

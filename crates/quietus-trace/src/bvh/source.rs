@@ -81,6 +81,7 @@ impl<'a> Source<'a> {
                 source.end += match geometry {
                     Geometry::Mesh(mesh) => mesh.triangles.len(),
                     Geometry::Sphere { .. } => 1,
+                    _ => unreachable!("refused when the scene is built"),
                 };
             }
         }
@@ -124,6 +125,7 @@ impl<'a> Source<'a> {
                     items.push(Item::new(bounds, part.first as u32, Kind::Sphere));
                     drop_unbounded(items, from);
                 }
+                _ => unreachable!("refused when the scene is built"),
             }
         }
     }

@@ -77,6 +77,7 @@ fn brute_force(
                         consider(Hit { t, ..hit }, shape.material);
                     }
                 }
+                other => panic!("no oracle for {other:?}"),
             }
         }
     }
@@ -85,7 +86,7 @@ fn brute_force(
 
 fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, material: MaterialId) -> Shape {
     let mesh = Mesh { positions, triangles, ..Mesh::default() };
-    Shape { geometry: Geometry::Mesh(Arc::new(mesh)), material }
+    Shape::new(Geometry::Mesh(Arc::new(mesh)), material)
 }
 
 fn object(shapes: Vec<Shape>) -> Object {
@@ -93,7 +94,7 @@ fn object(shapes: Vec<Shape>) -> Object {
 }
 
 fn instance(object: u32, to_world: Affine3A) -> Instance {
-    Instance { object: ObjectId(object), to_world }
+    Instance::still(ObjectId(object), to_world)
 }
 
 fn build(objects: &[Object], instances: &[Instance]) -> Accel {
@@ -171,9 +172,9 @@ fn a_single_triangle_is_hit_from_both_sides_with_its_coordinates() {
 fn soups_and_spheres_are_hit_as_by_brute_force() {
     let mut random = Random(1);
     for (count, size) in [(1, 1.0), (9, 0.5), (200, 0.3), (5000, 0.05)] {
-        let spheres = (0..count.min(40)).map(|_| Shape {
-            geometry: Geometry::Sphere { center: random.vec(), radius: 0.1 + 0.05 * random.next() },
-            material: OPAQUE,
+        let spheres = (0..count.min(40)).map(|_| {
+            let geometry = Geometry::Sphere { center: random.vec(), radius: 0.1 + 0.05 * random.next() };
+            Shape::new(geometry, OPAQUE)
         });
         let mut shapes: Vec<_> = spheres.collect();
         shapes.push(random.soup(count, size, OPAQUE));
@@ -405,11 +406,8 @@ fn turned(random: &mut Random, scale: Vec3) -> Affine3A {
 fn instances_are_hit_in_their_objects_space() {
     let mut random = Random(7);
     let sphere = Geometry::Sphere { center: Vec3::splat(0.5), radius: 0.3 };
-    let shapes = vec![
-        random.soup(300, 0.2, OPAQUE),
-        Shape { geometry: sphere, material: FILTERED },
-        random.soup(300, 0.2, FILTERED),
-    ];
+    let shapes =
+        vec![random.soup(300, 0.2, OPAQUE), Shape::new(sphere, FILTERED), random.soup(300, 0.2, FILTERED)];
     let objects = [object(shapes)];
     let instances: Vec<_> = [Vec3::ONE, Vec3::new(-1.0, 1.0, 1.5), Vec3::new(0.5, -2.0, -1.0)]
         .map(|scale| instance(0, turned(&mut random, scale)))
@@ -473,7 +471,7 @@ fn instances_are_hit_as_copies() {
 fn stretched_spheres_are_ellipsoids() {
     let mut random = Random(8);
     let center = Vec3::new(0.25, 0.0, -1.0);
-    let shape = Shape { geometry: Geometry::Sphere { center, radius: 0.5 }, material: OPAQUE };
+    let shape = Shape::new(Geometry::Sphere { center, radius: 0.5 }, OPAQUE);
     let stretched = turned(&mut random, Vec3::new(1.0, 2.0, -3.0));
     let accel = build(&[object(vec![shape])], &[instance(0, stretched)]);
     let inverse = stretched.inverse();

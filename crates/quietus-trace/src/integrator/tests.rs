@@ -8,7 +8,8 @@ use std::sync::Arc;
 use glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 
 use crate::desc::{
-    self, Alpha, ColorParam, Geometry, Material, MaterialId, Mesh, ObjectId, ScalarParam, Surface,
+    self, Alpha, ColorParam, Geometry, Material, MaterialId, Mesh, Metal, ObjectId, Roughness, ScalarParam,
+    Surface,
 };
 use crate::filter::Filter;
 use crate::isa::Level;
@@ -29,6 +30,7 @@ impl Builder {
             emission: ColorParam::constant(Vec3::splat(emission)),
             emission_two_sided: false,
             normal_map: None,
+            bump: None,
             alpha,
         });
         MaterialId(self.0.materials.len() as u32 - 1)
@@ -40,9 +42,9 @@ impl Builder {
 
     fn place(&mut self, geometry: Geometry, material: MaterialId, to_world: Affine3A) {
         let object = ObjectId(self.0.objects.len() as u32);
-        let shapes = vec![desc::Shape { geometry, material }];
+        let shapes = vec![desc::Shape::new(geometry, material)];
         self.0.objects.push(desc::Object { name: String::new(), shapes });
-        self.0.instances.push(desc::Instance { object, to_world });
+        self.0.instances.push(desc::Instance::still(object, to_world));
     }
 
     fn add(&mut self, geometry: Geometry, material: MaterialId) {
@@ -55,7 +57,12 @@ impl Builder {
 
     fn sky(&mut self, radiance: f32) {
         let scale = Vec3::splat(radiance);
-        self.0.environment = Some(desc::Environment { image: None, scale, to_world: Mat3::IDENTITY });
+        self.0.environment = Some(desc::Environment {
+            layout: crate::desc::EnvironmentLayout::LatLong,
+            image: None,
+            scale,
+            to_world: Mat3::IDENTITY,
+        });
     }
 
     /// What comes from `target` to `eye`, sample by independent sample.
@@ -72,7 +79,7 @@ fn diffuse(albedo: f32) -> Surface {
 fn glass(ior: f32, roughness: f32) -> Surface {
     Surface::Dielectric {
         ior,
-        roughness: ScalarParam::constant(roughness),
+        roughness: Roughness::perceptual(ScalarParam::constant(roughness)),
         tint: ColorParam::constant(Vec3::ONE),
     }
 }
@@ -112,14 +119,7 @@ fn view(eye: Vec3, target: Vec3, size: u32, fov_y: f32, max_depth: u32) -> View 
     let back = (eye - target).normalize();
     let right = back.any_orthonormal_vector();
     let rotation = Mat3::from_cols(right, back.cross(right), back);
-    let camera = desc::Camera {
-        name: String::new(),
-        to_world: Affine3A::from_mat3_translation(rotation, eye),
-        fov_y,
-        aspect: None,
-        lens_radius: 0.0,
-        focus_distance: 1.0,
-    };
+    let camera = desc::Camera::perspective("", Affine3A::from_mat3_translation(rotation, eye), fov_y);
     View::new(&camera, [size, size], Filter::Box, max_depth, 1).expect("a sound view")
 }
 
@@ -270,7 +270,10 @@ fn lights_add_up() {
 fn sky_furnace_shows_the_albedo_of_every_material() {
     let scalar = ScalarParam::constant;
     let gold = [Vec3::new(0.143, 0.375, 1.442), Vec3::new(3.983, 2.386, 1.603)];
-    let metal = |roughness| Surface::Conductor { eta: gold[0], k: gold[1], roughness: scalar(roughness) };
+    let metal = |roughness| Surface::Conductor {
+        metal: Metal::Index { eta: gold[0], k: gold[1] },
+        roughness: Roughness::perceptual(scalar(roughness)),
+    };
     let principled = |metallic, roughness, clearcoat| {
         Surface::MetalRough(Box::new(desc::MetalRough {
             base_color: ColorParam::constant(Vec3::new(0.8, 0.5, 0.2)),
@@ -523,8 +526,8 @@ fn unlit_surfaces_show_their_colour_and_light_nothing() {
 #[test]
 fn guides_follow_mirrors_and_glass() {
     let mut scene = ground();
-    let mirror =
-        Surface::Conductor { eta: Vec3::ONE, k: Vec3::splat(5.0), roughness: ScalarParam::constant(0.0) };
+    let metal = Metal::Index { eta: Vec3::ONE, k: Vec3::splat(5.0) };
+    let mirror = Surface::Conductor { metal, roughness: Roughness::SMOOTH };
     let mirror = scene.material(mirror, 0.0, Alpha::Opaque);
     let corners = [[-1., 0., -2.], [1., 0., -2.], [1., 2., -2.], [-1., 2., -2.]];
     scene.add(quad(corners.map(Vec3::from_array)), mirror);
@@ -624,6 +627,7 @@ fn direct_light_of_a_spot() {
             intensity: Vec3::splat(4.0),
             inner_angle,
             outer_angle,
+            falloff: desc::SpotFalloff::Square,
         });
         let [at, inner, outer] = [off_axis, inner_angle, outer_angle].map(|a| f64::from(a).cos());
         let ramp = ((at - outer) / (inner - outer)).clamp(0.0, 1.0);

@@ -18,14 +18,16 @@ impl PunctualLight {
     pub(crate) fn new(light: &desc::Light) -> Self {
         match *light {
             desc::Light::Point { position, intensity } => Self::Point { position, intensity },
-            desc::Light::Spot { position, direction, intensity, inner_angle, outer_angle } => Self::Spot {
-                position,
-                direction,
-                intensity,
-                cos_outer: outer_angle.cos(),
-                // The lower bound is KHR_lights_punctual's own, for cones without a soft edge.
-                inverse_range: 1.0 / (inner_angle.cos() - outer_angle.cos()).max(1e-3),
-            },
+            desc::Light::Spot { position, direction, intensity, inner_angle, outer_angle, .. } => {
+                Self::Spot {
+                    position,
+                    direction,
+                    intensity,
+                    cos_outer: outer_angle.cos(),
+                    // The lower bound is KHR_lights_punctual's own, for cones without a soft edge.
+                    inverse_range: 1.0 / (inner_angle.cos() - outer_angle.cos()).max(1e-3),
+                }
+            }
             desc::Light::Directional { direction, irradiance } => {
                 Self::Directional { to_light: -direction, irradiance }
             }

@@ -147,12 +147,22 @@ fn sunny_map() -> Environment {
         texels: Texels::Float(texels),
     };
     let to_world = Mat3::from_quat(Quat::from_euler(glam::EulerRot::XYZ, 0.7, -0.3, 1.9));
-    Environment::new(&desc::Environment { image: Some(Arc::new(image)), scale: Vec3::ONE, to_world })
+    Environment::new(&desc::Environment {
+        layout: crate::desc::EnvironmentLayout::LatLong,
+        image: Some(Arc::new(image)),
+        scale: Vec3::ONE,
+        to_world,
+    })
 }
 
 #[test]
 fn environments_are_sampled_with_their_density() {
-    let constant = desc::Environment { image: None, scale: Vec3::ONE, to_world: Mat3::IDENTITY };
+    let constant = desc::Environment {
+        layout: crate::desc::EnvironmentLayout::LatLong,
+        image: None,
+        scale: Vec3::ONE,
+        to_world: Mat3::IDENTITY,
+    };
     let mut suite = Suite::new(2);
     for (name, environment) in [("constant", Environment::new(&constant)), ("map", sunny_map())] {
         let p = chi_square_directions(
@@ -187,6 +197,7 @@ fn environment_maps_are_laid_out_as_described() {
     let texels = (0..8 * 4).map(|i| texel(i as f32)).collect();
     let image = Image { name: "grid".into(), width: 8, height: 4, texels: Texels::Float(texels) };
     let environment = Environment::new(&desc::Environment {
+        layout: crate::desc::EnvironmentLayout::LatLong,
         image: Some(Arc::new(image)),
         scale: Vec3::ONE,
         to_world: Mat3::IDENTITY,
@@ -239,6 +250,7 @@ fn spots_fade_between_their_angles() {
         intensity: Vec3::ONE,
         inner_angle,
         outer_angle,
+        falloff: crate::desc::SpotFalloff::Square,
     });
     let at = |angle: f32| {
         let from = 2.0 * Vec3::new(angle.sin(), 0.0, angle.cos());

@@ -10,13 +10,13 @@ use crate::desc::{Image, TexelFilter, Wrap};
 /// One texel, linear.
 fn texture(texel: [f32; 4]) -> Texture {
     let image = Image { name: "one texel".into(), width: 1, height: 1, texels: Texels::Float(vec![texel]) };
-    Texture {
+    Texture::Image(ImageTexture {
         image: Arc::new(image),
         wrap: [Wrap::Repeat; 2],
         filter: TexelFilter::Linear,
-        transform: Affine2::IDENTITY,
-        uv_set: 0,
-    }
+        mapping: Mapping::Uv { set: 0, transform: Affine2::IDENTITY },
+        invert: false,
+    })
 }
 
 fn material(surface: Surface) -> desc::Material {
@@ -26,6 +26,7 @@ fn material(surface: Surface) -> desc::Material {
         emission: ColorParam::constant(Vec3::ZERO),
         emission_two_sided: false,
         normal_map: None,
+        bump: None,
         alpha: Alpha::Opaque,
     }
 }
@@ -152,7 +153,7 @@ fn errors_name_the_material_the_field_and_what_was_expected() {
     );
     let glass = Surface::Dielectric {
         ior: f32::NAN,
-        roughness: ScalarParam::constant(0.0),
+        roughness: crate::desc::Roughness::SMOOTH,
         tint: ColorParam::constant(Vec3::ONE),
     };
     assert_eq!(compile(material(glass)), "material \"it\": ior must be finite and above 0, but is NaN");
@@ -160,13 +161,13 @@ fn errors_name_the_material_the_field_and_what_was_expected() {
 
 #[test]
 fn unusable_textures_are_refused() {
-    let refuse = |change: &dyn Fn(&mut Texture)| {
-        let mut t = texture([0.0; 4]);
+    let refuse = |change: &dyn Fn(&mut ImageTexture)| {
+        let Texture::Image(mut t) = texture([0.0; 4]) else { unreachable!() };
         change(&mut t);
-        MaterialTable::compile(&[t], &[]).expect_err("unsound").to_string()
+        MaterialTable::compile(&[Texture::Image(t)], &[]).expect_err("unsound").to_string()
     };
     let with_size = |width, height| {
-        move |t: &mut Texture| {
+        move |t: &mut ImageTexture| {
             let image = Arc::get_mut(&mut t.image).expect("only one");
             (image.width, image.height) = (width, height);
         }
@@ -176,6 +177,15 @@ fn unusable_textures_are_refused() {
         "texture 0 (image \"one texel\"): 2x2 texels were announced, but there are 1"
     );
     assert!(refuse(&with_size(0, 1)).contains("it is 0x1 texels, at least 1x1 is needed"));
-    assert!(refuse(&|t| t.uv_set = 2).contains("0 or 1 was expected"));
-    assert!(refuse(&|t| t.transform.translation.x = f32::NAN).contains("transform is not finite"));
+    assert!(
+        refuse(&|t| t.mapping = Mapping::Uv { set: 2, transform: Affine2::IDENTITY })
+            .contains("0 or 1 was expected")
+    );
+    assert!(
+        refuse(&|t| {
+            let transform = Affine2::from_translation(Vec2::new(f32::NAN, 0.0));
+            t.mapping = Mapping::Uv { set: 0, transform };
+        })
+        .contains("transform is not finite")
+    );
 }

@@ -3,7 +3,9 @@
 use glam::{Mat3, Vec3};
 
 use super::SceneBuildError as Error;
-use crate::desc::{Environment, Geometry, Image, Instance, Light, Mesh, SceneDesc, Texels};
+use crate::desc::{
+    Environment, EnvironmentLayout, Geometry, Image, Instance, Light, Mesh, SceneDesc, SpotFalloff, Texels,
+};
 
 /// Checks all but textures and materials.
 pub(super) fn scene(desc: &SceneDesc) -> Result<(), Error> {
@@ -11,9 +13,13 @@ pub(super) fn scene(desc: &SceneDesc) -> Result<(), Error> {
         for (s, shape) in object.shapes.iter().enumerate() {
             let place = || format!("object {o} \"{}\", shape {s}", object.name);
             index(&place, "material", shape.material.0, desc.materials.len())?;
+            if shape.media.is_some() || shape.flipped {
+                return Err(unsupported(&place, "a border between media, or a flipped shape"));
+            }
             match &shape.geometry {
                 Geometry::Mesh(mesh) => self::mesh(&place, mesh)?,
                 Geometry::Sphere { center, radius } => sphere(&place, *center, *radius)?,
+                _ => return Err(unsupported(&place, "this kind of geometry")),
             }
         }
     }
@@ -50,7 +56,15 @@ fn value<T: std::fmt::Display>(
     }
 }
 
+/// For what the description can say and the renderer does not draw.
+fn unsupported(place: Place, what: &'static str) -> Error {
+    Error::Unsupported { place: place(), what }
+}
+
 fn mesh(place: Place, mesh: &Mesh) -> Result<(), Error> {
+    if !mesh.end_positions.is_empty() {
+        return Err(unsupported(place, "a mesh that changes its form"));
+    }
     let expected = mesh.positions.len();
     let lengths = [
         ("normals", mesh.normals.len()),
@@ -83,6 +97,9 @@ fn sphere(place: Place, center: Vec3, radius: f32) -> Result<(), Error> {
 
 fn instance(place: Place, instance: &Instance, objects: usize) -> Result<(), Error> {
     index(place, "object", instance.object.0, objects)?;
+    if instance.end_to_world.is_some() {
+        return Err(unsupported(place, "motion"));
+    }
     let inverse = instance.to_world.inverse();
     let sound = instance.to_world.is_finite() && inverse.is_finite();
     value(place, "transform", instance.to_world, sound, "an invertible matrix of finite numbers")
@@ -96,7 +113,10 @@ fn light(place: Place, light: &Light) -> Result<(), Error> {
     match *light {
         Light::Point { position, intensity } => point(position).and(color("intensity", intensity)),
         Light::Directional { direction, irradiance } => unit(direction).and(color("irradiance", irradiance)),
-        Light::Spot { position, direction, intensity, inner_angle, outer_angle } => {
+        Light::Spot { position, direction, intensity, inner_angle, outer_angle, falloff } => {
+            if falloff != SpotFalloff::Square {
+                return Err(unsupported(place, "this falloff"));
+            }
             point(position).and(unit(direction)).and(color("intensity", intensity))?;
             let angle =
                 |what, a: f32, sound| value(place, what, a, sound, "0 <= inner angle <= outer angle <= pi");
@@ -109,6 +129,9 @@ fn light(place: Place, light: &Light) -> Result<(), Error> {
 fn environment(environment: &Environment) -> Result<(), Error> {
     let place = || "environment".to_owned();
     let scale = environment.scale;
+    if environment.layout != EnvironmentLayout::LatLong {
+        return Err(unsupported(&place, "this layout"));
+    }
     value(&place, "scale", scale, scale.is_finite() && scale.min_element() >= 0.0, "at least 0, finite")?;
     let rotation = environment.to_world;
     let off = rotation.transpose() * rotation - Mat3::IDENTITY;

@@ -89,6 +89,7 @@ impl Collector<'_> {
                 self.spheres.push(emitter);
                 self.spheres.len() as u32 - 1
             }
+            _ => unreachable!("refused when the scene is built"),
         }
     }
 

@@ -17,7 +17,7 @@ fn mesh() -> Mesh {
 
 /// A triangle, a sphere, one instance.
 fn sound() -> SceneDesc {
-    let shape = |geometry| Shape { geometry, material: MaterialId(0) };
+    let shape = |geometry| Shape::new(geometry, MaterialId(0));
     SceneDesc {
         materials: vec![Material {
             name: "grey".into(),
@@ -25,6 +25,7 @@ fn sound() -> SceneDesc {
             emission: ColorParam::constant(Vec3::ZERO),
             emission_two_sided: false,
             normal_map: None,
+            bump: None,
             alpha: Alpha::Opaque,
         }],
         objects: vec![Object {
@@ -34,7 +35,7 @@ fn sound() -> SceneDesc {
                 shape(Geometry::Sphere { center: Vec3::ZERO, radius: 1.0 }),
             ],
         }],
-        instances: vec![Instance { object: ObjectId(0), to_world: Affine3A::IDENTITY }],
+        instances: vec![Instance::still(ObjectId(0), Affine3A::IDENTITY)],
         ..SceneDesc::default()
     }
 }
@@ -88,7 +89,12 @@ fn lengths_that_differ_are_counted() {
 /// A map of one row.
 fn sky(width: u32, texels: Vec<[f32; 4]>) -> Environment {
     let image = Image { name: "sky".into(), width, height: 1, texels: Texels::Float(texels) };
-    Environment { image: Some(Arc::new(image)), scale: Vec3::ONE, to_world: Mat3::IDENTITY }
+    Environment {
+        layout: crate::desc::EnvironmentLayout::LatLong,
+        image: Some(Arc::new(image)),
+        scale: Vec3::ONE,
+        to_world: Mat3::IDENTITY,
+    }
 }
 
 #[test]
@@ -116,8 +122,14 @@ fn numbers_out_of_range_are_quoted() {
 #[test]
 fn lights_that_cannot_shine_are_refused() {
     let (position, direction, intensity) = (Vec3::ZERO, Vec3::X, Vec3::ONE);
-    let spot =
-        |inner_angle, outer_angle| Light::Spot { position, direction, intensity, inner_angle, outer_angle };
+    let spot = |inner_angle, outer_angle| Light::Spot {
+        position,
+        direction,
+        intensity,
+        inner_angle,
+        outer_angle,
+        falloff: crate::desc::SpotFalloff::Square,
+    };
     let spoilt = [
         (Light::Point { position: Vec3::NAN, intensity }, "position"),
         (Light::Point { position, intensity: -intensity }, "intensity"),
@@ -137,7 +149,12 @@ fn lights_that_cannot_shine_are_refused() {
 
 #[test]
 fn environments_that_cannot_shine_are_refused() {
-    let constant = Environment { image: None, scale: Vec3::ONE, to_world: Mat3::IDENTITY };
+    let constant = Environment {
+        layout: crate::desc::EnvironmentLayout::LatLong,
+        image: None,
+        scale: Vec3::ONE,
+        to_world: Mat3::IDENTITY,
+    };
     let spoilt = [
         (Environment { scale: Vec3::NEG_ONE, ..constant.clone() }, "environment: scale is"),
         (Environment { to_world: 2.0 * Mat3::IDENTITY, ..constant }, "environment: transform is"),

@@ -71,13 +71,13 @@ fn caustics_carry_the_power_that_glass_lets_through() {
 /// A texture of one texel that says `normal` in tangent space.
 fn normal_map(scene: &mut Builder, normal: Vec3) -> Option<(desc::TextureId, f32)> {
     let texels = desc::Texels::Float(vec![(0.5 * normal + 0.5).extend(1.0).to_array()]);
-    scene.0.textures.push(desc::Texture {
+    scene.0.textures.push(desc::Texture::Image(desc::ImageTexture {
         image: Arc::new(desc::Image { name: "normal".into(), width: 1, height: 1, texels }),
         wrap: [desc::Wrap::Repeat; 2],
         filter: desc::TexelFilter::Nearest,
-        transform: glam::Affine2::IDENTITY,
-        uv_set: 0,
-    });
+        mapping: desc::Mapping::Uv { set: 0, transform: glam::Affine2::IDENTITY },
+        invert: false,
+    }));
     Some((desc::TextureId(scene.0.textures.len() as u32 - 1), 1.0))
 }
 

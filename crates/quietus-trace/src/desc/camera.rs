@@ -1,0 +1,96 @@
+//! Cameras, and what a scene file wishes for its picture.
+
+use glam::{Affine3A, Vec2, Vec3};
+
+use super::MediumId;
+use crate::filter::Filter;
+
+/// A camera.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// What `--camera` calls it.
+    pub name: String,
+    /// From camera space (looks along -z, +y up, +x right) to the world when the shutter opens; orthonormal with
+    /// translation. It may mirror.
+    pub to_world: Affine3A,
+    /// The same when the shutter closes, if the camera moves.
+    pub end_to_world: Option<Affine3A>,
+    /// How directions fall on the film.
+    pub projection: Projection,
+    /// Width over height it was made for; a hint for the default picture size.
+    pub aspect: Option<f32>,
+    /// Radius of the lens; 0 is a pinhole.
+    pub lens_radius: f32,
+    /// Distance along the optical axis at which things are sharp.
+    pub focus_distance: f32,
+    /// The medium it stands in; `None` is vacuum.
+    pub medium: Option<MediumId>,
+}
+
+impl Camera {
+    /// A pinhole camera that stands still in a vacuum, with a vertical angle of view.
+    pub fn perspective(name: impl Into<String>, to_world: Affine3A, fov_y: f32) -> Self {
+        Self {
+            name: name.into(),
+            to_world,
+            end_to_world: None,
+            projection: Projection::Perspective { fov: fov_y, axis: FrameAxis::Vertical },
+            aspect: None,
+            lens_radius: 0.0,
+            focus_distance: 1.0,
+            medium: None,
+        }
+    }
+}
+
+/// How directions fall on the film.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// Straight lines stay straight.
+    Perspective {
+        /// Angle of view of the whole frame along `axis`, in 0..pi.
+        fov: f32,
+        /// What the angle spans.
+        axis: FrameAxis,
+    },
+    /// Parallel rays.
+    Orthographic {
+        /// Extent of the frame along `axis`, in world units.
+        extent: f32,
+        /// What the extent spans.
+        axis: FrameAxis,
+    },
+    /// A whole sphere of directions, columns along longitude: the frame's middle looks along -z, the top to +y.
+    Spherical,
+}
+
+/// Which side of the frame an angle or extent spans.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FrameAxis {
+    /// The height.
+    #[default]
+    Vertical,
+    /// The shorter of width and height.
+    Shorter,
+}
+
+/// What a scene file says of its picture. The command line wins.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PictureDefaults {
+    /// Width and height in pixels.
+    pub size: Option<[u32; 2]>,
+    /// Part to draw, `[x0, x1, y0, y1]` in 0..1 of the frame, y downwards.
+    pub crop: Option<[f32; 4]>,
+    /// What pixel values are multiplied by: exposure of the film; 1 by default.
+    pub exposure: Option<Vec3>,
+    /// Samples per pixel.
+    pub samples: Option<u32>,
+    /// Path segments from the camera: 1 shows emitters seen directly.
+    pub max_depth: Option<u32>,
+    /// Reconstruction filter.
+    pub filter: Option<Filter>,
+    /// Radius of the filter in x and y, in pixels, where it is not the filter's own.
+    pub filter_radius: Option<Vec2>,
+    /// Largest value of a sample's component before it enters the film.
+    pub max_component: Option<f32>,
+}

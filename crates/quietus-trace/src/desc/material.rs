@@ -1,0 +1,251 @@
+//! Materials: how surfaces scatter and emit.
+
+use glam::Vec3;
+
+use super::{ColorParam, MaterialId, ScalarParam, TextureId};
+
+/// What a surface is made of.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// For messages and `quietus info`.
+    pub name: String,
+    /// How it scatters.
+    pub surface: Surface,
+    /// Emitted radiance; (0, 0, 0) for none.
+    pub emission: ColorParam,
+    /// Whether the back side emits too.
+    pub emission_two_sided: bool,
+    /// Tangent-space normal map: texture, and scale of its x and y.
+    pub normal_map: Option<(TextureId, f32)>,
+    /// Bump map: height above the surface, in world units.
+    pub bump: Option<ScalarParam>,
+    /// Coverage.
+    pub alpha: Alpha,
+}
+
+/// Coverage of a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Alpha {
+    /// Everywhere 1.
+    #[default]
+    Opaque,
+    /// 1 where the value is at least the cutoff, else 0.
+    Mask {
+        /// The value.
+        value: ScalarParam,
+        /// The threshold.
+        cutoff: f32,
+    },
+    /// The value is the probability of being hit.
+    Blend {
+        /// The value.
+        value: ScalarParam,
+    },
+}
+
+/// How a surface scatters.
+#[derive(Clone, Debug)]
+pub enum Surface {
+    /// Lambert, on both sides.
+    Diffuse {
+        /// Albedo.
+        reflectance: ColorParam,
+    },
+    /// GGX conductor; smooth where the roughness is 0.
+    Conductor {
+        /// What it is made of.
+        metal: Metal,
+        /// Of its surface.
+        roughness: Roughness,
+    },
+    /// GGX dielectric that refracts; the geometric normal points out of the medium with the given index.
+    Dielectric {
+        /// Index of refraction inside over outside.
+        ior: f32,
+        /// Of its surface; smooth where it is 0.
+        roughness: Roughness,
+        /// Multiplies what is transmitted.
+        tint: ColorParam,
+    },
+    /// A pane: two parallel smooth interfaces so close that light leaves where it came in.
+    ThinDielectric {
+        /// Index of refraction.
+        ior: f32,
+    },
+    /// A diffuse base under a dielectric coat with a medium between, as in pbrt-v4 (layered after Guo, Hasan,
+    /// Zhao 2018).
+    CoatedDiffuse {
+        /// Albedo of the base.
+        reflectance: ColorParam,
+        /// The coat.
+        coat: Coat,
+    },
+    /// A metal under a dielectric coat with a medium between, as in pbrt-v4.
+    CoatedConductor {
+        /// What the base is made of.
+        metal: Metal,
+        /// Of the base.
+        roughness: Roughness,
+        /// The coat.
+        coat: Coat,
+    },
+    /// Lambert on both sides, and through: thin leaves, paper.
+    DiffuseTransmission {
+        /// Share reflected.
+        reflectance: ColorParam,
+        /// Share transmitted.
+        transmittance: ColorParam,
+    },
+    /// A fibre (Chiang et al. 2016), for curves.
+    Hair(Box<Hair>),
+    /// Each hit is the first material with probability `1 - amount`, else the second.
+    Mix {
+        /// The two; neither may lead back here.
+        materials: [MaterialId; 2],
+        /// Share of the second, in 0..1.
+        amount: ScalarParam,
+    },
+    /// No surface at all, only the border between two media.
+    Interface,
+    /// The metallic-roughness model of glTF 2.0 with its extensions.
+    MetalRough(Box<MetalRough>),
+}
+
+/// The metallic-roughness model of glTF 2.0 (specification, appendix B) and KHR extensions, field by field.
+#[derive(Clone, Debug)]
+pub struct MetalRough {
+    /// Base colour (vertex colours are multiplied in by the renderer).
+    pub base_color: ColorParam,
+    /// 0 dielectric .. 1 metal.
+    pub metallic: ScalarParam,
+    /// Perceptual roughness, `alpha = roughness^2`.
+    pub roughness: ScalarParam,
+    /// KHR_materials_ior; 1.5 by default.
+    pub ior: f32,
+    /// KHR_materials_specular: strength (texture channel A).
+    pub specular: ScalarParam,
+    /// KHR_materials_specular: colour of F0.
+    pub specular_color: ColorParam,
+    /// KHR_materials_transmission: share of light that passes a thin wall (texture channel R).
+    pub transmission: ScalarParam,
+    /// KHR_materials_clearcoat: strength (channel R).
+    pub clearcoat: ScalarParam,
+    /// KHR_materials_clearcoat: perceptual roughness (channel G).
+    pub clearcoat_roughness: ScalarParam,
+    /// KHR_materials_clearcoat: normal map of the coat, texture and scale.
+    pub clearcoat_normal: Option<(TextureId, f32)>,
+    /// KHR_materials_unlit: shown as its base colour, neither lit nor lighting.
+    pub unlit: bool,
+}
+
+impl Default for MetalRough {
+    /// glTF's own defaults.
+    fn default() -> Self {
+        Self {
+            base_color: ColorParam::constant(Vec3::ONE),
+            metallic: ScalarParam::constant(1.0),
+            roughness: ScalarParam::constant(1.0),
+            ior: 1.5,
+            specular: ScalarParam::constant(1.0),
+            specular_color: ColorParam::constant(Vec3::ONE),
+            transmission: ScalarParam::constant(0.0),
+            clearcoat: ScalarParam::constant(0.0),
+            clearcoat_roughness: ScalarParam::constant(0.0),
+            clearcoat_normal: None,
+            unlit: false,
+        }
+    }
+}
+
+/// What a conductor is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Metal {
+    /// Complex index of refraction `eta + i k` per colour channel.
+    Index {
+        /// Real part, above 0.
+        eta: Vec3,
+        /// Imaginary part, at least 0.
+        k: Vec3,
+    },
+    /// Reflectance at normal incidence; eta is 1 and k follows from it, `k = 2 sqrt(r) / sqrt(1 - r)`.
+    Reflectance(ColorParam),
+}
+
+/// Roughness of a microfacet surface along and across the tangent (the direction in which u grows).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Roughness {
+    /// Along the tangent, in 0..1.
+    pub u: ScalarParam,
+    /// Across the tangent, in 0..1.
+    pub v: ScalarParam,
+    /// How the numbers become GGX alphas.
+    pub scale: RoughnessScale,
+}
+
+/// From roughness to the alpha of GGX.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RoughnessScale {
+    /// `alpha = roughness^2`, glTF's perceptual roughness.
+    #[default]
+    Squared,
+    /// `alpha = sqrt(roughness)`, pbrt's default.
+    SquareRoot,
+    /// `alpha = roughness`.
+    Alpha,
+}
+
+impl Roughness {
+    /// The same along and across, on glTF's perceptual scale.
+    pub const fn perceptual(roughness: ScalarParam) -> Self {
+        Self { u: roughness, v: roughness, scale: RoughnessScale::Squared }
+    }
+
+    /// Perfectly smooth.
+    pub const SMOOTH: Self = Self::perceptual(ScalarParam::constant(0.0));
+}
+
+/// The upper layer of a coated material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coat {
+    /// Index of refraction.
+    pub ior: f32,
+    /// Of its surface.
+    pub roughness: Roughness,
+    /// Depth of the medium between coat and base, in mean free paths of 1.
+    pub thickness: ScalarParam,
+    /// Single-scattering albedo of that medium; black for none.
+    pub albedo: ColorParam,
+    /// Its Henyey-Greenstein asymmetry, in -1..1.
+    pub g: ScalarParam,
+}
+
+/// A hair fibre: Chiang, Bitterli, Tappan, Burley 2016, "A Practical and Controllable Hair and Fur Model".
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hair {
+    /// What colours it.
+    pub color: HairColor,
+    /// Index of refraction; 1.55.
+    pub ior: f32,
+    /// Longitudinal roughness in 0..1.
+    pub beta_m: ScalarParam,
+    /// Azimuthal roughness in 0..1.
+    pub beta_n: ScalarParam,
+    /// Tilt of the scales, in radians.
+    pub alpha: f32,
+}
+
+/// What colours a hair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum HairColor {
+    /// Absorption coefficient per fibre radius.
+    Absorption(ColorParam),
+    /// The colour that a thick head of it shows.
+    Reflectance(ColorParam),
+    /// Concentration of pigments.
+    Pigments {
+        /// Brown to black.
+        eumelanin: ScalarParam,
+        /// Red.
+        pheomelanin: ScalarParam,
+    },
+}

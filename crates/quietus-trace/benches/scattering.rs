@@ -5,7 +5,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3;
 use quietus_trace::{
-    bsdf::{Bsdf, Conductor, Dielectric, Diffuse, MetalRough, MetalRoughParams},
+    bsdf::{Bsdf, Conductor, Dielectric, Diffuse, MetalRough, MetalRoughParams, ggx::Ggx},
     sampler::Sampler,
 };
 
@@ -28,9 +28,9 @@ fn bsdfs() -> Vec<(&'static str, Bsdf)> {
     let coated = MetalRoughParams { clearcoat: 1.0, clearcoat_roughness: 0.1, metallic: 0.5, ..plastic };
     vec![
         ("diffuse", Bsdf::Diffuse(Diffuse { reflectance: Vec3::splat(0.5) })),
-        ("conductor", Bsdf::Conductor(Conductor::new(Vec3::splat(0.2), Vec3::splat(3.0), 0.4))),
-        ("glass", Bsdf::Dielectric(Dielectric::new(1.5, 0.4, Vec3::ONE))),
-        ("smooth glass", Bsdf::Dielectric(Dielectric::new(1.5, 0.0, Vec3::ONE))),
+        ("conductor", Bsdf::Conductor(Conductor::new(Vec3::splat(0.2), Vec3::splat(3.0), Ggx::from_roughness(0.4)))),
+        ("glass", Bsdf::Dielectric(Dielectric::new(1.5, Ggx::from_roughness(0.4), Vec3::ONE))),
+        ("smooth glass", Bsdf::Dielectric(Dielectric::new(1.5, Ggx::from_roughness(0.0), Vec3::ONE))),
         ("metal-rough", Bsdf::MetalRough(MetalRough::new(&plastic))),
         ("coated metal-rough", Bsdf::MetalRough(MetalRough::new(&coated))),
     ]

@@ -57,16 +57,21 @@ impl SplitAlbedo {
 }
 
 /// All of a lobe's albedo that does not depend on the angle: where its rows are.
+///
+/// An anisotropic lobe is bounded by the isotropic ones of its two widths: the narrow one loses less to masking, the
+/// wide one has more of Fresnel's edge. What is derived from the bounds still gains no light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LobeAlbedo {
-    /// `None` for a perfect mirror.
+    /// Of the narrower width; `None` for a perfect mirror.
     rows: Option<Rows>,
+    /// Of the wider one, where they differ.
+    wider: Option<Rows>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Rows {
     alpha: f32,
-    low: usize,
+    low: u32,
     /// Place between row `low` and the next.
     between: f32,
 }
@@ -92,37 +97,62 @@ impl LobeAlbedo {
     /// Of a rough lobe or a perfect mirror.
     #[inline]
     pub(super) fn new(ggx: Option<Ggx>) -> Self {
-        let rows = ggx.map(|ggx| {
-            let (low, between) =
-                place((fourth_root(ggx.alpha) - fourth_root(MIN_ALPHA)) / (1.0 - fourth_root(MIN_ALPHA)));
-            Rows { alpha: ggx.alpha, low, between }
-        });
-        Self { rows }
+        let Some(alpha) = ggx.map(|g| g.alpha()) else { return Self { rows: None, wider: None } };
+        let (narrow, wide) = (alpha.min_element(), alpha.max_element());
+        Self { rows: Some(Rows::new(narrow)), wider: (wide > narrow).then(|| Rows::new(wide)) }
     }
 
     /// The albedo at cosine `cos`, either sign.
     #[inline]
     pub(super) fn at(&self, cos: f32) -> SplitAlbedo {
         let cos = cos.abs().min(1.0);
-        let Some(Rows { alpha, low, between }) = self.rows else {
+        let Some(rows) = self.rows else {
             let b = fresnel::schlick_weight(cos);
             return SplitAlbedo { a: 1.0 - b, b, error: 0.0 };
         };
-        let [row, next] = rows(low);
-        let places = Places::new(cos, alpha);
-        let total = lerp(row.total(&places), next.total(&places), between);
-        let share = lerp(row.share(&places), next.share(&places), between);
-        SplitAlbedo { a: total * (1.0 - share), b: total * share, error: MAX_ERROR }
+        self.bounded(rows.at(cos), |wider| wider.at(cos))
     }
 
     /// The cosine-weighted mean over the hemisphere; not rounded down, see [`SplitAlbedo::lost`].
     #[inline]
     pub(super) fn mean(&self) -> SplitAlbedo {
-        let Some(Rows { low, between, .. }) = self.rows else {
+        let Some(rows) = self.rows else {
             return SplitAlbedo { a: 20.0 / 21.0, b: 1.0 / 21.0, error: 0.0 };
         };
-        let [row, next] = rows(low);
-        let [total, b] = [0, 1].map(|i| lerp(row.mean[i], next.mean[i], between));
+        self.bounded(rows.mean(), Rows::mean)
+    }
+
+    /// The bound of `narrow` and, where there is one, the albedo of the wider lobe: the total of the one and the larger
+    /// `b` of both.
+    #[inline]
+    fn bounded(&self, narrow: SplitAlbedo, wide: impl FnOnce(&Rows) -> SplitAlbedo) -> SplitAlbedo {
+        let Some(wider) = &self.wider else { return narrow };
+        let b = narrow.b.max(wide(wider).b);
+        SplitAlbedo { a: narrow.a + narrow.b - b, b, ..narrow }
+    }
+}
+
+impl Rows {
+    #[inline]
+    fn new(alpha: f32) -> Self {
+        let (low, between) =
+            place((fourth_root(alpha) - fourth_root(MIN_ALPHA)) / (1.0 - fourth_root(MIN_ALPHA)));
+        Self { alpha, low: low as u32, between }
+    }
+
+    #[inline]
+    fn at(&self, cos: f32) -> SplitAlbedo {
+        let [row, next] = rows(self.low as usize);
+        let places = Places::new(cos, self.alpha);
+        let total = lerp(row.total(&places), next.total(&places), self.between);
+        let share = lerp(row.share(&places), next.share(&places), self.between);
+        SplitAlbedo { a: total * (1.0 - share), b: total * share, error: MAX_ERROR }
+    }
+
+    #[inline]
+    fn mean(&self) -> SplitAlbedo {
+        let [row, next] = rows(self.low as usize);
+        let [total, b] = [0, 1].map(|i| lerp(row.mean[i], next.mean[i], self.between));
         SplitAlbedo { a: total - b, b, error: 0.0 }
     }
 }
@@ -174,12 +204,13 @@ fn place(x: f32) -> (usize, f32) {
 
 #[cold]
 fn row(j: usize) -> Row {
-    let ggx = Ggx { alpha: lerp(fourth_root(MIN_ALPHA), 1.0, j as f32 / CELLS as f32).powi(4) };
+    let alpha = lerp(fourth_root(MIN_ALPHA), 1.0, j as f32 / CELLS as f32).powi(4).max(MIN_ALPHA);
+    let ggx = Ggx::new(Vec2::splat(alpha)).expect("not smooth");
     let total = |i: usize| {
         let root = i as f32 / CELLS as f32;
         let x = root * root;
         // The inverse of x = cos (1 + alpha) / (cos + alpha).
-        let (total, _) = integrate(ggx, x * ggx.alpha / (1.0 + ggx.alpha - x), QUADRATURE);
+        let (total, _) = integrate(ggx, x * alpha / (1.0 + alpha - x), QUADRATURE);
         total as f32
     };
     let share = |i: usize| {
@@ -191,7 +222,7 @@ fn row(j: usize) -> Row {
         Row { total: std::array::from_fn(total), share: std::array::from_fn(share), mean: [0.0; 2] };
     for i in 0..MEAN_POINTS {
         let square = (f64::from(i) + 0.5) / f64::from(MEAN_POINTS);
-        let places = Places::new(square.sqrt() as f32, ggx.alpha);
+        let places = Places::new(square.sqrt() as f32, alpha);
         let total = row.total(&places);
         row.mean[0] += total / MEAN_POINTS as f32;
         row.mean[1] += total * row.share(&places) / MEAN_POINTS as f32;
@@ -233,9 +264,9 @@ mod tests {
     fn interpolation_keeps_its_promise() {
         let mut rng = Rng::new(1);
         for _ in 0..1000 {
-            let alpha = MIN_ALPHA.powf(rng.next_1d());
+            let alpha = MIN_ALPHA.powf(rng.next_1d()).max(MIN_ALPHA);
             let cos = rng.next_1d().powi(3);
-            let ggx = Ggx { alpha };
+            let ggx = Ggx::new(Vec2::splat(alpha)).expect("not smooth");
             let e = LobeAlbedo::new(Some(ggx)).at(cos);
             let (total, b) = integrate(ggx, cos, [34, 400]);
             for (name, found, true_value) in
@@ -249,7 +280,7 @@ mod tests {
 
     #[test]
     fn mirrors_are_the_limit_of_narrow_lobes() {
-        let narrow = LobeAlbedo::new(Some(Ggx { alpha: MIN_ALPHA }));
+        let narrow = LobeAlbedo::new(Ggx::new(Vec2::splat(MIN_ALPHA)));
         for cos in [0.1, 0.4, 0.8, 1.0] {
             let (mirror, narrow) = (LobeAlbedo::new(None).at(cos), narrow.at(cos));
             assert!((mirror.a - narrow.a).abs() < MAX_ERROR && (mirror.b - narrow.b).abs() < MAX_ERROR);

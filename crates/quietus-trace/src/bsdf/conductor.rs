@@ -14,10 +14,11 @@ pub struct Conductor {
 }
 
 impl Conductor {
-    /// With the complex index of refraction `eta + i k` and a perceptual roughness in 0..1.
+    /// With the complex index of refraction `eta + i k` and the distribution of its facets, `None` where it is
+    /// smooth.
     #[inline]
-    pub fn new(eta: Vec3, k: Vec3, roughness: f32) -> Self {
-        Self { eta, k, ggx: Ggx::from_roughness(roughness) }
+    pub fn new(eta: Vec3, k: Vec3, ggx: Option<Ggx>) -> Self {
+        Self { eta, k, ggx }
     }
 
     #[inline]

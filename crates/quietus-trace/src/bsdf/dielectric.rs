@@ -21,11 +21,14 @@ pub struct Dielectric {
 const MIN_REFRACTED_WIDTH: f32 = 1e-4;
 
 impl Dielectric {
-    /// With the index inside over outside, a perceptual roughness in 0..1, and a factor on what is transmitted.
+    /// With the index inside over outside, the distribution of its facets (`None` where it is smooth), and a factor
+    /// on what is transmitted.
     #[inline]
-    pub fn new(ior: f32, roughness: f32, tint: Vec3) -> Self {
-        let ggx =
-            Ggx::from_roughness(roughness).filter(|g| g.alpha * (ior - 1.0).abs() >= MIN_REFRACTED_WIDTH);
+    pub fn new(ior: f32, ggx: Option<Ggx>, tint: Vec3) -> Self {
+        let least = Vec2::splat(MIN_REFRACTED_WIDTH / (ior - 1.0).abs());
+        let ggx = ggx
+            .filter(|g| g.alpha().max_element() >= least.x)
+            .and_then(|g| Ggx::new(g.alpha().max(least)));
         Self { ior, tint, ggx }
     }
 

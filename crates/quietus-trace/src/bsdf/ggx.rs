@@ -1,4 +1,4 @@
-//! The GGX microfacet distribution with Smith's masking and shadowing, isotropic.
+//! The GGX microfacet distribution with Smith's masking and shadowing.
 //!
 //! Walter et al. 2007 ("Microfacet Models for Refraction through Rough Surfaces"), Heitz 2014 ("Understanding the
 //! Masking-Shadowing Function in Microfacet-Based BRDFs"); visible normals by Dupuy and Benyoub 2023 ("Sampling
@@ -15,36 +15,48 @@ use crate::warp::sin_cos_turns;
 /// show in it, and light sampling has long stopped being of use.
 pub const MIN_ALPHA: f32 = 1e-3;
 
-/// A GGX distribution of microfacet normals.
-#[derive(Clone, Copy, Debug)]
+/// A GGX distribution of microfacet normals, anisotropic along the axes of the local frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ggx {
-    /// Width: root-mean-square-like slope of the microsurface; at least [`MIN_ALPHA`].
-    pub alpha: f32,
+    /// Width along x and along y: root-mean-square-like slopes of the microsurface, in [`MIN_ALPHA`]..1.
+    alpha: Vec2,
 }
 
 impl Ggx {
-    /// The distribution for a perceptual roughness in 0..1 (`alpha = roughness^2`); `None` where it is smooth.
+    /// The distribution of the given widths along x and y; `None` where both count as smooth. One alone that does is
+    /// widened to [`MIN_ALPHA`].
     #[inline]
-    pub fn from_roughness(roughness: f32) -> Option<Self> {
-        let alpha = roughness * roughness;
-        (alpha >= MIN_ALPHA).then_some(Self { alpha: alpha.min(1.0) })
+    pub fn new(alpha: Vec2) -> Option<Self> {
+        (alpha.max_element() >= MIN_ALPHA)
+            .then(|| Self { alpha: alpha.clamp(Vec2::splat(MIN_ALPHA), Vec2::ONE) })
     }
 
-    /// Density of microfacet normals `h`, `h.z >= 0` (Walter 2007, equation 33).
+    /// The isotropic distribution for a perceptual roughness in 0..1 (`alpha = roughness^2`); `None` where it is
+    /// smooth.
+    #[inline]
+    pub fn from_roughness(roughness: f32) -> Option<Self> {
+        Self::new(Vec2::splat(roughness * roughness))
+    }
+
+    /// The widths along x and y.
+    #[inline]
+    pub fn alpha(&self) -> Vec2 {
+        self.alpha
+    }
+
+    /// Density of microfacet normals `h`, `h.z >= 0` (Walter 2007, equation 33; Heitz 2014, equation 85).
     #[inline]
     pub fn d(&self, h: Vec3) -> f32 {
         // x^2 + y^2 instead of 1 - z^2: keeps its digits near the pole, where narrow lobes live.
-        let a2 = self.alpha * self.alpha;
-        let s = (h.x * h.x + h.y * h.y) / a2 + h.z * h.z;
-        FRAC_1_PI / (a2 * s * s)
+        let s = (h.truncate() / self.alpha).length_squared() + h.z * h.z;
+        FRAC_1_PI / (self.alpha.x * self.alpha.y * s * s)
     }
 
-    /// Smith's Lambda (Heitz 2014, equation 72).
+    /// Smith's Lambda (Heitz 2014, equations 72 and 86).
     #[inline]
     pub fn lambda(&self, w: Vec3) -> f32 {
-        let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
+        let t = (w.truncate() * self.alpha).length_squared() / (w.z * w.z);
         // The same as (sqrt(1 + t) - 1) / 2 without its cancellation.
-        let t = self.alpha * self.alpha * tan2;
         if t.is_finite() { 0.5 * t / (1.0 + (1.0 + t).sqrt()) } else { f32::MAX }
     }
 
@@ -63,12 +75,12 @@ impl Ggx {
     /// A microfacet normal out of those visible from `wo`, `wo.z > 0`.
     #[inline]
     pub fn sample_visible(&self, wo: Vec3, u: Vec2) -> Vec3 {
-        let stretched = Vec3::new(wo.x * self.alpha, wo.y * self.alpha, wo.z).normalize();
+        let stretched = (wo.truncate() * self.alpha).extend(wo.z).normalize();
         let (sin_phi, cos_phi) = sin_cos_turns(u.x);
         let z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;
         let radius = (1.0 - z * z).max(0.0).sqrt();
         let h = Vec3::new(radius * cos_phi, radius * sin_phi, z) + stretched;
-        Vec3::new(h.x * self.alpha, h.y * self.alpha, h.z.max(0.0)).normalize_or(Vec3::Z)
+        (h.truncate() * self.alpha).extend(h.z.max(0.0)).normalize_or(Vec3::Z)
     }
 
     /// Density per steradian of [`sample_visible`](Self::sample_visible) (Heitz 2014, equation 16).

@@ -28,7 +28,10 @@ fn bsdfs() -> Vec<(&'static str, Bsdf)> {
     let coated = MetalRoughParams { clearcoat: 1.0, clearcoat_roughness: 0.1, metallic: 0.5, ..plastic };
     vec![
         ("diffuse", Bsdf::Diffuse(Diffuse { reflectance: Vec3::splat(0.5) })),
-        ("conductor", Bsdf::Conductor(Conductor::new(Vec3::splat(0.2), Vec3::splat(3.0), Ggx::from_roughness(0.4)))),
+        (
+            "conductor",
+            Bsdf::Conductor(Conductor::new(Vec3::splat(0.2), Vec3::splat(3.0), Ggx::from_roughness(0.4))),
+        ),
         ("glass", Bsdf::Dielectric(Dielectric::new(1.5, Ggx::from_roughness(0.4), Vec3::ONE))),
         ("smooth glass", Bsdf::Dielectric(Dielectric::new(1.5, Ggx::from_roughness(0.0), Vec3::ONE))),
         ("metal-rough", Bsdf::MetalRough(MetalRough::new(&plastic))),

@@ -177,7 +177,7 @@ impl<I: Isa> Path<'_, I> {
     #[inline(always)]
     fn frame(&self, hit: &Hit, surface: &Interaction) -> Frame {
         let materials = &self.scene.materials;
-        let frame = if materials.has_normal_map(surface.material) {
+        let frame = if materials.needs_tangent(surface.material) {
             let tangents = self.scene.tangent_frame(hit, surface.shading_normal);
             materials.shading_frame(surface.material, &surface.surface, &tangents)
         } else {

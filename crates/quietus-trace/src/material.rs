@@ -1,9 +1,12 @@
 //! Materials of a scene, ready to be evaluated at surface points.
 
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
 use crate::{
-    bsdf::{Bsdf, Conductor, Dielectric, Diffuse, MetalRough, MetalRoughParams},
+    bsdf::{
+        Bsdf, Conductor, Dielectric, Diffuse, DiffuseTransmission, MetalRough, MetalRoughParams,
+        ThinDielectric, ggx::Ggx,
+    },
     desc::{
         self, Alpha, ColorParam, ImageTexture, Mapping, MaterialId, Metal, Roughness, RoughnessScale,
         ScalarParam, Surface, Texels, Texture, TextureId,
@@ -12,6 +15,9 @@ use crate::{
 };
 
 pub use crate::texture::SurfacePoint;
+
+/// A metal that is nowhere darker would reflect everything, with an infinite index of refraction.
+const MAX_METAL_REFLECTANCE: Vec3 = Vec3::splat(0.9999);
 
 /// A scene's materials and textures, every index checked.
 #[derive(Clone, Debug, Default)]
@@ -99,8 +105,14 @@ impl MaterialTable {
         let scalar = |p: &ScalarParam| p.texture.is_some();
         let scattering = match surface {
             Surface::Diffuse { reflectance } => color(reflectance),
-            Surface::Conductor { roughness, .. } => scalar(&roughness.u),
-            Surface::Dielectric { roughness, tint, .. } => scalar(&roughness.u) || color(tint),
+            Surface::Conductor { metal, roughness: r } => {
+                let colored = matches!(metal, Metal::Reflectance(c) if color(c));
+                colored || scalar(&r.u) || scalar(&r.v)
+            }
+            Surface::Dielectric { roughness: r, tint, .. } => scalar(&r.u) || scalar(&r.v) || color(tint),
+            Surface::DiffuseTransmission { reflectance, transmittance } => {
+                color(reflectance) || color(transmittance)
+            }
             Surface::MetalRough(m) => {
                 let scalars = [
                     &m.metallic,
@@ -130,11 +142,19 @@ impl MaterialTable {
             Surface::Diffuse { reflectance } => {
                 Bsdf::Diffuse(Diffuse { reflectance: unit_color(reflectance) })
             }
-            Surface::Conductor { metal: Metal::Index { eta, k }, roughness } => {
-                Bsdf::Conductor(Conductor::new(*eta, *k, unit(&roughness.u)))
+            Surface::Conductor { metal, roughness } => {
+                let (eta, k) = self.index(metal, point);
+                Bsdf::Conductor(Conductor::new(eta, k, self.facets(roughness, point)))
             }
             Surface::Dielectric { ior, roughness, tint } => {
-                Bsdf::Dielectric(Dielectric::new(*ior, unit(&roughness.u), unit_color(tint)))
+                Bsdf::Dielectric(Dielectric::new(*ior, self.facets(roughness, point), unit_color(tint)))
+            }
+            Surface::ThinDielectric { ior } => Bsdf::ThinDielectric(ThinDielectric { ior: *ior }),
+            Surface::DiffuseTransmission { reflectance, transmittance } => {
+                Bsdf::DiffuseTransmission(DiffuseTransmission {
+                    reflectance: unit_color(reflectance),
+                    transmittance: unit_color(transmittance),
+                })
             }
             Surface::MetalRough(m) if m.unlit => Bsdf::Black,
             Surface::MetalRough(m) => Bsdf::MetalRough(MetalRough::new(&MetalRoughParams {
@@ -152,6 +172,34 @@ impl MaterialTable {
             // Refused by [`Self::compile`].
             _ => Bsdf::Black,
         }
+    }
+
+    /// The complex index of refraction of a metal.
+    #[inline]
+    fn index(&self, metal: &Metal, point: &SurfacePoint) -> (Vec3, Vec3) {
+        match metal {
+            Metal::Index { eta, k } => (*eta, *k),
+            Metal::Reflectance(reflectance) => {
+                let r = reflectance.at(point, &self.textures).clamp(Vec3::ZERO, MAX_METAL_REFLECTANCE);
+                (Vec3::ONE, 2.0 * (r / (1.0 - r)).map(f32::sqrt))
+            }
+        }
+    }
+
+    /// The microfacets of a rough surface; `None` where it is smooth.
+    #[inline]
+    fn facets(&self, Roughness { u, v, scale }: &Roughness, point: &SurfacePoint) -> Option<Ggx> {
+        let alpha = |p: &ScalarParam| {
+            let roughness = p.at(point, &self.textures).max(0.0);
+            match scale {
+                RoughnessScale::Squared => roughness * roughness,
+                RoughnessScale::SquareRoot => roughness.sqrt(),
+                RoughnessScale::Alpha => roughness,
+            }
+        };
+        let along = alpha(u);
+        let across = if u == v { along } else { alpha(v) };
+        Ggx::new(Vec2::new(along, across))
     }
 
     /// The base colour of an unlit surface, to be shown where the camera sees it directly (or through perfect
@@ -224,12 +272,19 @@ impl MaterialTable {
         }
     }
 
-    /// Whether the material or its clear coat has a normal map, so that hits need a tangent.
+    /// Whether the directions of the texture coordinates matter: for normal maps, that of a clear coat too, and
+    /// anisotropic roughness.
     #[inline]
-    pub fn has_normal_map(&self, id: MaterialId) -> bool {
+    pub fn needs_tangent(&self, id: MaterialId) -> bool {
         let material = self.material(id);
         material.normal_map.is_some()
-            || matches!(&material.surface, Surface::MetalRough(m) if m.clearcoat_normal.is_some())
+            || match &material.surface {
+                Surface::MetalRough(m) => m.clearcoat_normal.is_some(),
+                Surface::Conductor { roughness, .. } | Surface::Dielectric { roughness, .. } => {
+                    roughness.u != roughness.v
+                }
+                _ => false,
+            }
     }
 
     /// The shading frame with the normal map applied: `frame` is the orthonormal frame of the interpolated normal
@@ -334,16 +389,8 @@ impl Check<'_> {
         }
         match &m.surface {
             Surface::Diffuse { reflectance } => self.color("reflectance", reflectance),
-            Surface::Conductor { metal: Metal::Index { eta, k }, roughness } => {
-                let sound =
-                    eta.is_finite() && k.is_finite() && eta.min_element() > 0.0 && k.min_element() >= 0.0;
-                let value = format!("{eta} + i {k}");
-                self.range(
-                    "index of refraction",
-                    sound,
-                    "finite, real part above 0, imaginary at least 0",
-                    value,
-                )?;
+            Surface::Conductor { metal, roughness } => {
+                self.metal(metal)?;
                 self.roughness(roughness)
             }
             Surface::Dielectric { ior, roughness, tint } => {
@@ -351,6 +398,14 @@ impl Check<'_> {
                 self.range("ior", sound, "finite and above 0", ior.to_string())?;
                 self.roughness(roughness)?;
                 self.color("tint", tint)
+            }
+            Surface::ThinDielectric { ior } => {
+                let sound = ior.is_finite() && *ior > 0.0;
+                self.range("ior", sound, "finite and above 0", ior.to_string())
+            }
+            Surface::DiffuseTransmission { reflectance, transmittance } => {
+                self.color("reflectance", reflectance)?;
+                self.color("transmittance", transmittance)
             }
             Surface::MetalRough(m) => self.metal_rough(m),
             _ => Err(self.unsupported("this kind of surface")),
@@ -362,13 +417,24 @@ impl Check<'_> {
     }
 
     fn roughness(&self, roughness: &Roughness) -> Result<(), MaterialError> {
-        if roughness.u != roughness.v || roughness.scale != RoughnessScale::Squared {
-            return Err(self.unsupported("anisotropic roughness, or one that is not perceptual"));
-        }
-        self.scalar("roughness", &roughness.u)
+        self.scalar("roughness", &roughness.u)?;
+        self.scalar("roughness", &roughness.v)
+    }
+
+    fn metal(&self, metal: &Metal) -> Result<(), MaterialError> {
+        let (eta, k) = match metal {
+            Metal::Reflectance(reflectance) => return self.color("reflectance", reflectance),
+            Metal::Index { eta, k } => (eta, k),
+        };
+        let sound = eta.is_finite() && k.is_finite() && eta.min_element() > 0.0 && k.min_element() >= 0.0;
+        let expected = "finite, real part above 0, imaginary at least 0";
+        self.range("index of refraction", sound, expected, format!("{eta} + i {k}"))
     }
 
     fn metal_rough(&self, m: &desc::MetalRough) -> Result<(), MaterialError> {
+        if m.anisotropy.strength != 0.0 || m.sheen_color.factor != Vec3::ZERO {
+            return Err(self.unsupported("anisotropy or sheen"));
+        }
         // KHR_materials_ior: at least 1, or 0 for "reflects everything".
         let sound = m.ior.is_finite() && (m.ior >= 1.0 || m.ior == 0.0);
         self.range("ior", sound, "finite and at least 1, or 0", m.ior.to_string())?;

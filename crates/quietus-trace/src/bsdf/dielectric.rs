@@ -26,9 +26,8 @@ impl Dielectric {
     #[inline]
     pub fn new(ior: f32, ggx: Option<Ggx>, tint: Vec3) -> Self {
         let least = Vec2::splat(MIN_REFRACTED_WIDTH / (ior - 1.0).abs());
-        let ggx = ggx
-            .filter(|g| g.alpha().max_element() >= least.x)
-            .and_then(|g| Ggx::new(g.alpha().max(least)));
+        let ggx =
+            ggx.filter(|g| g.alpha().max_element() >= least.x).and_then(|g| Ggx::new(g.alpha().max(least)));
         Self { ior, tint, ggx }
     }
 

@@ -18,6 +18,7 @@ mod albedo_table;
 mod conductor;
 mod dielectric;
 mod metal_rough;
+mod thin;
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -26,6 +27,7 @@ use glam::{Vec2, Vec3};
 pub use conductor::Conductor;
 pub use dielectric::Dielectric;
 pub use metal_rough::{MetalRough, MetalRoughParams};
+pub use thin::{DiffuseTransmission, ThinDielectric};
 
 use crate::warp;
 
@@ -40,6 +42,10 @@ pub enum Bsdf {
     Conductor(Conductor),
     /// GGX glass; +z points out of the medium.
     Dielectric(Dielectric),
+    /// A pane of glass.
+    ThinDielectric(ThinDielectric),
+    /// Lambert on both sides, and through.
+    DiffuseTransmission(DiffuseTransmission),
     /// The metallic-roughness model of glTF 2.0, on both sides.
     MetalRough(MetalRough),
 }
@@ -86,8 +92,9 @@ impl Bsdf {
     #[inline]
     pub fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
         match self {
-            Self::Black => (Vec3::ZERO, 0.0),
+            Self::Black | Self::ThinDielectric(_) => (Vec3::ZERO, 0.0),
             Self::Diffuse(b) => b.eval_pdf(wo, wi),
+            Self::DiffuseTransmission(b) => b.eval_pdf(wo, wi),
             Self::Conductor(b) => b.eval_pdf(wo, wi),
             Self::Dielectric(b) => b.eval_pdf(wo, wi),
             Self::MetalRough(b) => b.eval_pdf(wo, wi),
@@ -103,6 +110,8 @@ impl Bsdf {
             Self::Diffuse(b) => b.sample(wo, u),
             Self::Conductor(b) => b.sample(wo, u),
             Self::Dielectric(b) => b.sample(wo, u_lobe, u),
+            Self::ThinDielectric(b) => b.sample(wo, u_lobe),
+            Self::DiffuseTransmission(b) => b.sample(wo, u_lobe, u),
             Self::MetalRough(b) => b.sample(wo, u_lobe, u),
         }
     }
@@ -111,8 +120,8 @@ impl Bsdf {
     #[inline]
     pub fn is_delta(&self) -> bool {
         match self {
-            Self::Black => true,
-            Self::Diffuse(_) => false,
+            Self::Black | Self::ThinDielectric(_) => true,
+            Self::Diffuse(_) | Self::DiffuseTransmission(_) => false,
             Self::Conductor(b) => b.is_delta(),
             Self::Dielectric(b) => b.is_delta(),
             Self::MetalRough(b) => b.is_delta(),
@@ -127,6 +136,8 @@ impl Bsdf {
             Self::Diffuse(b) => b.reflectance,
             Self::Conductor(b) => b.albedo(),
             Self::Dielectric(b) => b.albedo(),
+            Self::ThinDielectric(_) => Vec3::ONE,
+            Self::DiffuseTransmission(b) => b.reflectance + b.transmittance,
             Self::MetalRough(b) => b.albedo(),
         }
     }

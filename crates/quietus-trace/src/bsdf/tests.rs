@@ -2,10 +2,10 @@
 
 use std::f32::consts::PI;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::{
-    Bsdf, Conductor, Dielectric, Diffuse, MetalRough, MetalRoughParams,
+    Bsdf, Conductor, Dielectric, Diffuse, DiffuseTransmission, MetalRough, MetalRoughParams, ThinDielectric,
     albedo_table::{LobeAlbedo, MAX_ERROR},
     ggx::Ggx,
 };
@@ -19,20 +19,41 @@ fn metal_rough(p: MetalRoughParams) -> Bsdf {
 const GOLD: (Vec3, Vec3) = (Vec3::new(0.18, 0.42, 1.37), Vec3::new(3.42, 2.35, 1.77));
 
 fn glass(ior: f32, roughness: f32) -> Bsdf {
-    Bsdf::Dielectric(Dielectric::new(ior, roughness, Vec3::ONE))
+    Bsdf::Dielectric(Dielectric::new(ior, Ggx::from_roughness(roughness), Vec3::ONE))
+}
+
+fn gold(ggx: Option<Ggx>) -> Bsdf {
+    Bsdf::Conductor(Conductor::new(GOLD.0, GOLD.1, ggx))
+}
+
+/// Facets wider across than along the tangent.
+fn brushed(along: f32, across: f32) -> Option<Ggx> {
+    Ggx::new(Vec2::new(along, across))
 }
 
 /// Those of one lobe that have a density, over the range of widths from `least_roughness`.
 fn plain_bsdfs(least_roughness: f32) -> Vec<(String, Bsdf)> {
     let mut all = vec![("diffuse".to_owned(), Bsdf::Diffuse(Diffuse { reflectance: Vec3::ONE }))];
     for roughness in [0.04, 0.15, 0.5, 1.0].into_iter().filter(|&r| r >= least_roughness) {
-        let conductor = Bsdf::Conductor(Conductor::new(GOLD.0, GOLD.1, roughness));
-        all.push((format!("conductor, roughness {roughness}"), conductor));
+        all.push((format!("conductor, roughness {roughness}"), gold(Ggx::from_roughness(roughness))));
         for ior in [1.5, 1.0 / 1.33] {
             all.push((format!("glass {ior}, roughness {roughness}"), glass(ior, roughness)));
         }
     }
+    let least_alpha = least_roughness * least_roughness;
+    for (along, across) in [(0.01f32, 0.4), (0.3, 0.05)].into_iter().filter(|p| p.0.min(p.1) >= least_alpha) {
+        let ggx = brushed(along, across);
+        all.push((format!("brushed metal {along}, {across}"), gold(ggx)));
+        let glass = Bsdf::Dielectric(Dielectric::new(1.5, ggx, Vec3::ONE));
+        all.push((format!("brushed glass {along}, {across}"), glass));
+    }
+    all.push(("leaf".to_owned(), leaf()));
     all
+}
+
+fn leaf() -> Bsdf {
+    let (reflectance, transmittance) = (Vec3::new(0.3, 0.6, 0.2), Vec3::new(0.5, 0.4, 0.1));
+    Bsdf::DiffuseTransmission(DiffuseTransmission { reflectance, transmittance })
 }
 
 /// Metal-rough surfaces of each kind that has only densities.
@@ -63,7 +84,8 @@ fn all_rough(least_roughness: f32) -> Vec<(String, Bsdf)> {
 fn smooth_bsdfs() -> Vec<(String, Bsdf)> {
     let plastic = MetalRoughParams { metallic: 0.0, roughness: 0.0, ..Default::default() };
     let named = [
-        ("mirror", Bsdf::Conductor(Conductor::new(GOLD.0, GOLD.1, 0.0))),
+        ("mirror", gold(None)),
+        ("pane", Bsdf::ThinDielectric(ThinDielectric { ior: 1.5 })),
         ("smooth glass", glass(1.5, 0.0)),
         ("smooth plastic", metal_rough(plastic)),
         ("smooth thin wall", metal_rough(MetalRoughParams { transmission: 1.0, ..plastic })),
@@ -134,10 +156,19 @@ fn random_metal_rough(rng: &mut Rng, white: bool, least_roughness: f32) -> Metal
 fn random_bsdf(rng: &mut Rng, white: bool, least_roughness: f32) -> Bsdf {
     let color = if white { Vec3::ONE } else { Vec3::new(rng.next_1d(), rng.next_1d(), rng.next_1d()) };
     let roughness = (1.2 * rng.next_1d() - 0.2).max(least_roughness);
-    match rng.next_u64() % 5 {
+    let alpha = roughness.max(0.0).powi(2);
+    let aspect = if rng.next_1d() < 0.5 { 1.0 } else { 1.0 + 20.0 * rng.next_1d() };
+    let ggx = brushed(alpha, aspect * alpha).filter(|_| roughness > 0.0);
+    match rng.next_u64() % 7 {
         0 => Bsdf::Diffuse(Diffuse { reflectance: color }),
-        1 => Bsdf::Conductor(Conductor::new(0.1 + 2.0 * color, 4.0 * color, roughness)),
-        2 => Bsdf::Dielectric(Dielectric::new(0.5 + 2.0 * rng.next_1d(), roughness, color)),
+        1 => Bsdf::Conductor(Conductor::new(0.1 + 2.0 * color, 4.0 * color, ggx)),
+        2 => Bsdf::Dielectric(Dielectric::new(0.5 + 2.0 * rng.next_1d(), ggx, color)),
+        3 => Bsdf::ThinDielectric(ThinDielectric { ior: 1.0 + rng.next_1d() }),
+        4 => {
+            let share = rng.next_1d();
+            let (reflectance, transmittance) = (share * color, (1.0 - share) * color);
+            Bsdf::DiffuseTransmission(DiffuseTransmission { reflectance, transmittance })
+        }
         _ => metal_rough(random_metal_rough(rng, white, least_roughness)),
     }
 }
@@ -171,6 +202,7 @@ fn no_light_is_lost_where_nothing_absorbs() {
     let cases = [
         ("diffuse", Bsdf::Diffuse(Diffuse { reflectance: Vec3::ONE })),
         ("smooth glass", glass(1.5, 0.0)),
+        ("pane", Bsdf::ThinDielectric(ThinDielectric { ior: 1.7 })),
         ("mirror", metal_rough(white_mirror)),
         ("white below smooth", metal_rough(MetalRoughParams { metallic: 0.0, ..white_mirror })),
         ("thin wall", metal_rough(MetalRoughParams { metallic: 0.0, transmission: 1.0, ..white_mirror })),

@@ -134,6 +134,12 @@ pub struct MetalRough {
     pub clearcoat_roughness: ScalarParam,
     /// KHR_materials_clearcoat: normal map of the coat, texture and scale.
     pub clearcoat_normal: Option<(TextureId, f32)>,
+    /// KHR_materials_anisotropy.
+    pub anisotropy: Anisotropy,
+    /// KHR_materials_sheen: colour; black for none.
+    pub sheen_color: ColorParam,
+    /// KHR_materials_sheen: perceptual roughness (channel A).
+    pub sheen_roughness: ScalarParam,
     /// KHR_materials_unlit: shown as its base colour, neither lit nor lighting.
     pub unlit: bool,
 }
@@ -152,9 +158,24 @@ impl Default for MetalRough {
             clearcoat: ScalarParam::constant(0.0),
             clearcoat_roughness: ScalarParam::constant(0.0),
             clearcoat_normal: None,
+            anisotropy: Anisotropy::default(),
+            sheen_color: ColorParam::constant(Vec3::ZERO),
+            sheen_roughness: ScalarParam::constant(0.0),
             unlit: false,
         }
     }
+}
+
+/// KHR_materials_anisotropy: how much wider the specular lobe is along one direction, `alpha` there being mixed with 1
+/// by the square of the strength.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Anisotropy {
+    /// In 0..1; 0 for none.
+    pub strength: f32,
+    /// From the tangent to that direction, in radians, counter-clockwise.
+    pub rotation: f32,
+    /// Red and green: the direction in tangent space, -1..1 as 0..1, to be rotated; blue: multiplies the strength.
+    pub texture: Option<TextureId>,
 }
 
 /// What a conductor is made of.
@@ -217,6 +238,9 @@ pub struct Coat {
     pub albedo: ColorParam,
     /// Its Henyey-Greenstein asymmetry, in -1..1.
     pub g: ScalarParam,
+    /// How many times light that has entered may scatter or pass the medium, as pbrt-v4 counts it (there 10): longer
+    /// paths between coat and base are cut off.
+    pub max_depth: u32,
 }
 
 /// A hair fibre: Chiang, Bitterli, Tappan, Burley 2016, "A Practical and Controllable Hair and Fur Model".

@@ -17,7 +17,7 @@ pub use geometry::{
 };
 pub use light::{Environment, EnvironmentLayout, Light, Medium, SpotFalloff};
 pub use material::{
-    Alpha, Coat, Hair, HairColor, Material, Metal, MetalRough, Roughness, RoughnessScale, Surface,
+    Alpha, Anisotropy, Coat, Hair, HairColor, Material, Metal, MetalRough, Roughness, RoughnessScale, Surface,
 };
 pub use texture::{
     ColorParam, Image, ImageTexture, Mapping, ScalarParam, TexelFilter, Texels, Texture, Wrap,

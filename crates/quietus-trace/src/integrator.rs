@@ -26,6 +26,9 @@ const ROULETTE_AFTER: u32 = 2;
 
 /// Dimensions of the sampler taken by the camera: place in the filter, place on the lens.
 const CAMERA_DIMENSIONS: u32 = 4;
+/// Dimension of the time at which the path is shot, where anything moves: the first of those that a vertex of depth
+/// 0 would take.
+const TIME_DIMENSION: u32 = CAMERA_DIMENSIONS;
 /// Dimensions taken by a vertex: light (1), place on it (2), lobe (1), direction (2), roulette (1), and one spare.
 const VERTEX_DIMENSIONS: u32 = 8;
 
@@ -39,6 +42,8 @@ struct Path<'a, I> {
     origin: Vec3,
     /// Of unit length.
     direction: Vec3,
+    /// In 0..1 of the shutter's time; 0 where nothing moves.
+    time: f32,
     /// The point [`Self::origin`] was moved from: next-event estimation there spoke of this one.
     vertex: Vec3,
     /// Density per steradian of [`Self::direction`]; infinite where nothing else can find it.
@@ -65,13 +70,16 @@ pub(crate) fn sample<I: Isa>(
     let film = Vec2::new(run.x as f32 + 0.5, run.y as f32 + 0.5) + view.filter.sample(sampler.next_2d());
     let lens = if view.camera.has_lens() { warp::disk(sampler.next_2d()) } else { Vec2::ZERO };
     let ray = view.camera.ray(film, lens);
+    let coverage_key = sampler.bits();
+    let time = if scene.moves() { time(&mut sampler) } else { 0.0 };
     let mut path = Path {
         isa,
         scene,
         sampler,
-        coverage_key: sampler.bits(),
+        coverage_key,
         origin: ray.origin,
         direction: ray.direction,
+        time,
         vertex: ray.origin,
         pdf: f32::INFINITY,
         throughput: Vec3::ONE,
@@ -86,7 +94,7 @@ pub(crate) fn sample<I: Isa>(
             path.escape();
             break;
         };
-        let surface = scene.interaction(&hit, path.origin, path.direction);
+        let surface = scene.interaction(&hit, &path.ray());
         if depth == 1 {
             path.sample.alpha = 1.0;
             path.sample.depth = hit.t * ray.axis_cosine;
@@ -107,18 +115,31 @@ pub(crate) fn sample<I: Isa>(
     path.sample
 }
 
+/// When the path is shot: uniform over the shutter's time.
+#[inline(always)]
+fn time(sampler: &mut Sampler) -> f32 {
+    sampler.start_dimension(TIME_DIMENSION);
+    sampler.next_1d()
+}
+
 impl<I: Isa> Path<'_, I> {
+    /// The next segment, open-ended.
+    #[inline(always)]
+    fn ray(&self) -> Ray {
+        Ray::new(self.origin, self.direction, self.time)
+    }
+
     /// What the next segment hits.
     #[inline(always)]
     fn closest(&self, depth: u32) -> Option<Hit> {
-        let ray = Ray { origin: self.origin, direction: self.direction, t_min: 0.0, t_max: f32::INFINITY };
+        let ray = self.ray();
         self.scene.accel.closest(self.isa, &ray, |hit| self.covers(hit, &ray, 2 * depth))
     }
 
     /// Whether a surface of partial coverage counts. Every place of every segment (`salt`) decides by itself, and
     /// always the same way, however often it is asked.
     fn covers(&self, hit: &Hit, ray: &Ray, salt: u32) -> bool {
-        let coverage = self.scene.coverage(hit, ray.origin, ray.direction);
+        let coverage = self.scene.coverage(hit, ray);
         if coverage <= 0.0 || coverage >= 1.0 {
             return coverage > 0.0;
         }
@@ -178,7 +199,7 @@ impl<I: Isa> Path<'_, I> {
     fn frame(&self, hit: &Hit, surface: &Interaction) -> Frame {
         let materials = &self.scene.materials;
         let frame = if materials.needs_tangent(surface.material) {
-            let tangents = self.scene.tangent_frame(hit, surface.shading_normal);
+            let tangents = self.scene.tangent_frame(hit, surface.shading_normal, self.time);
             materials.shading_frame(surface.material, &surface.surface, &tangents)
         } else {
             Frame::from_normal(surface.shading_normal)
@@ -218,7 +239,7 @@ impl<I: Isa> Path<'_, I> {
         if contribution == Vec3::ZERO {
             return false;
         }
-        let ray = shadow_ray(surface, &light);
+        let ray = shadow_ray(surface, &light, self.time);
         let covers = |hit: &Hit| self.covers(hit, &ray, 2 * depth + 1);
         if !self.scene.accel.occluded(self.isa, &ray, covers) {
             self.sample.radiance += contribution;
@@ -259,13 +280,13 @@ impl<I: Isa> Path<'_, I> {
 
 /// The segment between a surface and a light, both ends moved off their surfaces.
 #[inline(always)]
-fn shadow_ray(surface: &Interaction, light: &LightSample) -> Ray {
+fn shadow_ray(surface: &Interaction, light: &LightSample, time: f32) -> Ray {
     let origin = surface.leave(light.direction);
     match light.target {
-        None => Ray { origin, direction: light.direction, t_min: 0.0, t_max: f32::INFINITY },
+        None => Ray::new(origin, light.direction, time),
         Some(Target { position, error, normal }) => {
             let end = offset_ray_origin(position, error, normal, -light.direction);
-            Ray { origin, direction: end - origin, t_min: 0.0, t_max: 1.0 }
+            Ray { t_max: 1.0, ..Ray::new(origin, end - origin, time) }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::{Affine3A, Mat3A, Vec2, Vec3, Vec3A, Vec4};
 
-use crate::bvh::Hit;
+use crate::bvh::{Hit, Ray};
 use crate::desc::{Geometry, MaterialId, Mesh};
 use crate::frame::Frame;
 use crate::geometry::{offset_ray_origin, sphere, transform_error, triangle};
@@ -77,21 +77,20 @@ pub(crate) struct Interaction {
 }
 
 impl Interaction {
-    /// The surface at `hit`, found along a ray from `origin` in `direction` (of unit length). Texture coordinates
-    /// are left at 0 where the material, which is not `textured`, would not look at them.
+    /// The surface at `hit`, found along `ray`, whose direction is of unit length. `placement` is that of the ray's
+    /// time. Texture coordinates are left at 0 where the material, which is not `textured`, would not look at them.
     #[inline(always)]
     pub(crate) fn new(
         geometry: &Geometry,
         (material, textured): (MaterialId, bool),
         placement: &Placement,
         hit: &Hit,
-        origin: Vec3,
-        direction: Vec3,
+        ray: &Ray,
     ) -> Self {
         match geometry {
-            Geometry::Mesh(mesh) => Self::on_triangle(mesh, material, textured, placement, hit),
+            Geometry::Mesh(mesh) => Self::on_triangle(mesh, material, textured, placement, hit, ray.time),
             Geometry::Sphere { center, radius } => {
-                let rough = origin + hit.t * direction;
+                let rough = ray.origin + hit.t * ray.direction;
                 Self::on_sphere(*center, *radius, material, textured, placement, rough)
             }
             _ => unreachable!("refused when the scene is built"),
@@ -105,17 +104,22 @@ impl Interaction {
         textured: bool,
         placement: &Placement,
         hit: &Hit,
+        time: f32,
     ) -> Self {
         let indices = mesh.triangles[hit.primitive as usize].map(|i| i as usize);
-        let corners = indices.map(|i| mesh.positions[i]);
-        let (position, error) = placement
-            .point(triangle::point(corners, hit.u, hit.v), triangle::point_error(corners, hit.u, hit.v));
+        let (corners, motion_error) = corners(mesh, indices, time);
+        let error = triangle::point_error(corners, hit.u, hit.v) + motion_error;
+        let (position, error) = placement.point(triangle::point(corners, hit.u, hit.v), error);
         let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let geometric_normal = placement.normal(cross.normalize_or_zero());
         let shading_normal = if mesh.normals.is_empty() {
             geometric_normal
         } else {
-            let interpolated = placement.normal(blend(&mesh.normals, indices, hit.u, hit.v));
+            let mut normal = blend(&mesh.normals, indices, hit.u, hit.v);
+            if !mesh.end_normals.is_empty() {
+                normal += (blend(&mesh.end_normals, indices, hit.u, hit.v) - normal) * time;
+            }
+            let interpolated = placement.normal(normal);
             let toward_front = interpolated.dot(geometric_normal);
             // Normals of an opposite winding are common in the wild; the winding decides what is front.
             (interpolated * toward_front.signum()).normalize_or(geometric_normal)
@@ -154,6 +158,17 @@ impl Interaction {
     }
 }
 
+/// A triangle's corners at `time`, and how far they may be off per axis.
+#[inline(always)]
+fn corners(mesh: &Mesh, indices: [usize; 3], time: f32) -> ([Vec3; 3], Vec3) {
+    let start = indices.map(|i| mesh.positions[i]);
+    if mesh.end_positions.is_empty() {
+        return (start, Vec3::ZERO);
+    }
+    let end = indices.map(|i| mesh.end_positions[i]);
+    (triangle::corners_at(start, end, time), triangle::motion_error(start, end))
+}
+
 /// Texture coordinates and vertex colour at a point of a triangle.
 #[inline(always)]
 pub(crate) fn mesh_surface(mesh: &Mesh, primitive: u32, u: f32, v: f32) -> SurfacePoint {
@@ -174,7 +189,13 @@ pub(crate) fn sphere_surface(outward: Vec3) -> SurfacePoint {
 
 /// The directions in the world in which the texture coordinates of set 0 grow, for normal maps: the mesh's tangents
 /// where it has them, else from the triangle's corners. The normal is the shading normal.
-pub(crate) fn tangent_frame(geometry: &Geometry, placement: &Placement, hit: &Hit, normal: Vec3) -> Frame {
+pub(crate) fn tangent_frame(
+    geometry: &Geometry,
+    placement: &Placement,
+    hit: &Hit,
+    normal: Vec3,
+    time: f32,
+) -> Frame {
     let any = Frame::from_normal(normal);
     let Geometry::Mesh(mesh) = geometry else { return sphere_frame(placement, normal) };
     let indices = mesh.triangles[hit.primitive as usize].map(|i| i as usize);
@@ -189,7 +210,7 @@ pub(crate) fn tangent_frame(geometry: &Geometry, placement: &Placement, hit: &Hi
     if mesh.uvs[0].is_empty() {
         return any;
     }
-    let [a, b, c] = indices.map(|i| mesh.positions[i]);
+    let ([a, b, c], _) = corners(mesh, indices, time);
     let [uv_a, uv_b, uv_c] = indices.map(|i| mesh.uvs[0][i]);
     let (edge1, edge2, d1, d2) = (b - a, c - a, uv_b - uv_a, uv_c - uv_a);
     let determinant = d1.perp_dot(d2);

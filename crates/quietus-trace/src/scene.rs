@@ -8,8 +8,9 @@ mod tests;
 use glam::{Vec2, Vec3};
 use thiserror::Error;
 
-use crate::bvh::{Accel, Bounds, Hit};
+use crate::bvh::{Accel, Bounds, Hit, Ray};
 use crate::desc::{Geometry, MaterialId, SceneDesc};
+use crate::geometry::motion::Motion;
 use crate::interaction::{Interaction, Placement, mesh_surface, sphere_surface};
 use crate::light::{Environment, Found, LightSample, Lights};
 use crate::material::{MaterialError, MaterialTable, SurfacePoint};
@@ -77,14 +78,24 @@ pub struct Scene {
     shapes: Vec<CompiledShape>,
     /// For every shape of every instance the number of its first light among its kind, or [`NO_LIGHT`].
     first_lights: Vec<u32>,
+    /// How instances move that do.
+    motions: Vec<Motion>,
+    /// Whether anything moves while the shutter is open.
+    moves: bool,
 }
 
 /// Stands for "emits nothing" in [`Scene::first_lights`].
 const NO_LIGHT: u32 = u32::MAX;
 
+/// Stands for "does not move" in [`PlacedObject::motion`].
+const STILL: u32 = u32::MAX;
+
 #[derive(Clone, Copy, Debug)]
 struct PlacedObject {
+    /// When the shutter opens.
     placement: Placement,
+    /// Index into [`Scene::motions`], or [`STILL`].
+    motion: u32,
     /// Where its shapes start in [`Scene::shapes`].
     first_shape: u32,
     /// Where its shapes start in [`Scene::first_lights`].
@@ -127,33 +138,57 @@ impl Scene {
         (placed, &self.shapes[(placed.first_shape + shape) as usize])
     }
 
-    /// The surface at `hit`, found along a ray from `origin` in `direction` (of unit length).
+    /// Whether anything moves while the shutter is open.
     #[inline(always)]
-    pub(crate) fn interaction(&self, hit: &Hit, origin: Vec3, direction: Vec3) -> Interaction {
+    pub(crate) fn moves(&self) -> bool {
+        self.moves
+    }
+
+    /// Where an instance is at `time`: in `moved` if it moves.
+    #[inline(always)]
+    fn placement<'a>(
+        &self,
+        placed: &'a PlacedObject,
+        time: f32,
+        moved: &'a mut Option<Placement>,
+    ) -> &'a Placement {
+        if placed.motion == STILL {
+            return &placed.placement;
+        }
+        moved.insert(self.moved(placed.motion, time))
+    }
+
+    #[cold]
+    fn moved(&self, motion: u32, time: f32) -> Placement {
+        Placement::new(self.motions[motion as usize].at(time))
+    }
+
+    /// The surface at `hit`, found along `ray`, whose direction is of unit length.
+    #[inline(always)]
+    pub(crate) fn interaction(&self, hit: &Hit, ray: &Ray) -> Interaction {
         let (placed, shape) = self.shape(hit.instance, hit.shape);
-        Interaction::new(
-            &shape.geometry,
-            (shape.material, shape.textured),
-            &placed.placement,
-            hit,
-            origin,
-            direction,
-        )
+        let mut moved = None;
+        let placement = self.placement(placed, ray.time, &mut moved);
+        Interaction::new(&shape.geometry, (shape.material, shape.textured), placement, hit, ray)
     }
 
     /// The frame normal maps want at `hit`, around the shading normal `normal`.
-    pub(crate) fn tangent_frame(&self, hit: &Hit, normal: Vec3) -> crate::frame::Frame {
+    pub(crate) fn tangent_frame(&self, hit: &Hit, normal: Vec3, time: f32) -> crate::frame::Frame {
         let (placed, shape) = self.shape(hit.instance, hit.shape);
-        crate::interaction::tangent_frame(&shape.geometry, &placed.placement, hit, normal)
+        let mut moved = None;
+        let placement = self.placement(placed, time, &mut moved);
+        crate::interaction::tangent_frame(&shape.geometry, placement, hit, normal, time)
     }
 
-    /// Coverage at a hit of a ray from `origin` in `direction`.
-    pub(crate) fn coverage(&self, hit: &Hit, origin: Vec3, direction: Vec3) -> f32 {
+    /// Coverage at a hit of `ray`.
+    pub(crate) fn coverage(&self, hit: &Hit, ray: &Ray) -> f32 {
         let (placed, shape) = self.shape(hit.instance, hit.shape);
         let surface = match &shape.geometry {
             Geometry::Mesh(mesh) => mesh_surface(mesh, hit.primitive, hit.u, hit.v),
             Geometry::Sphere { center, .. } => {
-                let point = placed.placement.to_object.transform_point3(origin + hit.t * direction);
+                let mut moved = None;
+                let placement = self.placement(placed, ray.time, &mut moved);
+                let point = placement.to_object.transform_point3(ray.origin + hit.t * ray.direction);
                 sphere_surface((point - center).normalize_or(Vec3::Y))
             }
             _ => unreachable!("refused when the scene is built"),

@@ -150,7 +150,7 @@ impl Scene {
 }
 
 fn ray(origin: Vec3, direction: Vec3, t_max: f32) -> Ray {
-    Ray { origin, direction, t_min: 0.0, t_max }
+    Ray { t_max, ..Ray::new(origin, direction, 0.0) }
 }
 
 /// What each ray meets.

@@ -25,8 +25,8 @@ const STOP: usize = 4;
 const BINS: usize = 16;
 /// Depth from which ranges are halved instead, which bounds the depth to this plus the logarithm of their size.
 const SAH_DEPTH: u32 = 64;
-/// No tree is deeper: telling three kinds apart and halving 2^31 primitives until leaves take 30 levels or so.
-pub(super) const MAX_DEPTH: usize = SAH_DEPTH as usize + 32;
+/// No tree is deeper: telling the kinds apart and halving 2^31 primitives until leaves take fewer than 40 levels.
+pub(super) const MAX_DEPTH: usize = SAH_DEPTH as usize + 40;
 /// Ranges larger than this are worth a task of their own.
 const TASK: usize = 4096;
 /// Ranges larger than this are binned by several threads.
@@ -39,6 +39,25 @@ pub(super) enum Kind {
     Triangle,
     Sphere,
     Instance,
+    MovingTriangle,
+}
+
+impl Kind {
+    /// The kind of a number it was made of.
+    #[inline(always)]
+    pub(super) fn from_number(number: u32) -> Self {
+        match number {
+            0 => Self::Triangle,
+            1 => Self::Sphere,
+            3 => Self::MovingTriangle,
+            _ => Self::Instance,
+        }
+    }
+
+    /// Whether a leaf may hold several.
+    fn has_blocks(self) -> bool {
+        !matches!(self, Self::Instance)
+    }
 }
 
 /// A primitive as the builder sees it: bounds, with an index and the kind in the fourth lanes.
@@ -61,11 +80,7 @@ impl Item {
     }
 
     pub(super) fn kind(&self) -> Kind {
-        match self.max.w.to_bits() {
-            0 => Kind::Triangle,
-            1 => Kind::Sphere,
-            _ => Kind::Instance,
-        }
+        Kind::from_number(self.max.w.to_bits())
     }
 
     /// Whether its bounds are finite and hold something.
@@ -253,7 +268,7 @@ fn build_range(
 ) -> Costs {
     let count = items.len();
     let uniform = count <= LEAF && items.iter().all(|i| i.kind() == items[0].kind());
-    let may_be_leaf = uniform && (items[0].kind() != Kind::Instance || count == 1);
+    let may_be_leaf = uniform && (items[0].kind().has_blocks() || count == 1);
     let bounds = extent.boxes.bounds();
     let leaf_cost = extent.boxes.area() * BLOCK_COST;
     if may_be_leaf && count <= STOP {

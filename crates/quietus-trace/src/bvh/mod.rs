@@ -4,10 +4,14 @@
 //! object that several instances share: `source` lists their primitives, `binary` decides their shape, `wide`
 //! writes them out, `traverse` is the ray kernel. It is watertight: no ray slips between triangles that share
 //! an edge. What a ray meets does not depend on the instruction set, nor, rounding aside, on the tree.
+//!
+//! What moves has boxes that hold all of its way. Instances that move have a tree of their own, to which the ray
+//! is brought at its time; meshes that change their form have leaves with the vertices of both ends.
 
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 
 use crate::desc::{Geometry, Instance, MaterialId, Object};
+use crate::geometry::motion::Motion;
 use crate::isa::Isa;
 
 mod binary;
@@ -33,6 +37,15 @@ pub struct Ray {
     pub t_min: f32,
     /// Only hits up to this distance count; may be infinite.
     pub t_max: f32,
+    /// When it is shot, in 0..=1 of the shutter's time.
+    pub time: f32,
+}
+
+impl Ray {
+    /// A half-line from `origin` in `direction` at `time`.
+    pub const fn new(origin: Vec3, direction: Vec3, time: f32) -> Self {
+        Self { origin, direction, t_min: 0.0, t_max: f32::INFINITY, time }
+    }
 }
 
 /// Where a ray met a surface.
@@ -70,8 +83,19 @@ impl Bounds {
         !self.min.cmple(self.max).all()
     }
 
+    /// With room for a few roundings of the coordinates.
+    fn widened(self) -> Self {
+        let room = 4.0 * f32::EPSILON * self.min.abs().max(self.max.abs());
+        Self { min: self.min - room, max: self.max + room }
+    }
+
+    /// Bounds of both.
+    pub fn union(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
     /// Bounds of the image of these under `transform`, with room for rounding.
-    fn transformed(&self, transform: &Affine3A) -> Self {
+    pub fn transformed(&self, transform: &Affine3A) -> Self {
         let center = 0.5 * (self.min + self.max);
         let half = 0.5 * (self.max - self.min);
         let m = transform.matrix3;
@@ -89,10 +113,16 @@ impl Bounds {
 /// An instance of an object with a tree of its own.
 #[derive(Clone, Copy, Debug)]
 struct Inner {
+    /// Unless it moves.
     to_object: Affine3A,
     root: Link,
     instance: u32,
+    /// Index of its motion, or [`STILL`].
+    motion: u32,
 }
+
+/// Stands for "does not move" in [`Inner::motion`].
+const STILL: u32 = u32::MAX;
 
 /// The acceleration structure over a whole scene.
 #[derive(Debug)]
@@ -100,6 +130,7 @@ pub struct Accel {
     store: Store,
     references: Vec<Reference>,
     instances: Vec<Inner>,
+    motions: Vec<Motion>,
     root: Link,
     bounds: Bounds,
 }
@@ -109,7 +140,8 @@ impl Accel {
     /// hits on others are put before the filter of [`Accel::closest`] and [`Accel::occluded`].
     ///
     /// Objects of a single instance become part of the world's tree; their vertices are transformed by
-    /// [`Affine3A::transform_point3`]. Primitives that are not finite are left out.
+    /// [`Affine3A::transform_point3`]. Primitives that are not finite, and instances whose motion passes through
+    /// flatness, are left out.
     ///
     /// # Panics
     /// Where an instance names an object, or a triangle a vertex, that is not there; with more than 2^31
@@ -120,6 +152,7 @@ impl Accel {
             store: Store::default(),
             references: Vec::new(),
             instances: Vec::new(),
+            motions: Vec::new(),
             root: Link::node(0),
             bounds: Bounds::EMPTY,
         };
@@ -131,19 +164,11 @@ impl Accel {
             .collect();
         let mut placed = Vec::new();
         let mut items = Vec::new();
-        for (instance, &Instance { object, to_world, .. }) in (0u32..).zip(instances) {
+        for (instance, at) in (0u32..).zip(instances) {
+            let &Instance { object, to_world, .. } = at;
             let index = object.0 as usize;
             if let Some((root, bounds)) = trees[index] {
-                if bounds.is_empty() {
-                    continue;
-                }
-                let item =
-                    Item::new(bounds.transformed(&to_world), accel.instances.len() as u32, Kind::Instance);
-                if item.is_bounded() {
-                    items.push(item);
-                    let to_object = to_world.inverse();
-                    accel.instances.push(Inner { to_object, root, instance });
-                }
+                items.extend(accel.inner(at, instance, root, &bounds));
             } else {
                 let transform = (to_world != Affine3A::IDENTITY).then_some(to_world);
                 placed.push(Placed { instance, object: &objects[index], transform });
@@ -151,6 +176,28 @@ impl Accel {
         }
         (accel.root, accel.bounds) = accel.append(&placed, items, &opaque);
         accel
+    }
+
+    /// Adds an instance of an object with a tree of its own; none where its bounds are empty or not finite.
+    fn inner(&mut self, at: &Instance, instance: u32, root: Link, bounds: &Bounds) -> Option<Item> {
+        if bounds.is_empty() {
+            return None;
+        }
+        let (bounds, motion) = match at.motion() {
+            None => (bounds.transformed(&at.to_world), None),
+            Some(end) => {
+                let motion = Motion::new(&at.to_world, end)?;
+                (motion.bounds(bounds), Some(motion))
+            }
+        };
+        let item = Item::new(bounds, self.instances.len() as u32, Kind::Instance);
+        if !item.is_bounded() {
+            return None;
+        }
+        let number = if motion.is_some() { self.motions.len() as u32 } else { STILL };
+        self.motions.extend(motion);
+        self.instances.push(Inner { to_object: at.to_world.inverse(), root, instance, motion: number });
+        Some(item)
     }
 
     /// Appends a tree over `items` and the primitives of `placed`.
@@ -174,9 +221,11 @@ impl Accel {
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.store.nodes)
             + size_of_val(&*self.store.triangles)
+            + size_of_val(&*self.store.moving)
             + size_of_val(&*self.store.spheres)
             + size_of_val(&*self.references)
             + size_of_val(&*self.instances)
+            + size_of_val(&*self.motions)
     }
 
     /// The nearest hit in (`t_min`, `t_max`].
@@ -197,8 +246,8 @@ impl Accel {
     }
 }
 
-/// Which objects get a tree of their own: those of several instances, and those whose spheres an instance
-/// would not leave spheres.
+/// Which objects get a tree of their own: those of several instances, those that move, and those whose spheres an
+/// instance would not leave spheres.
 fn shared_objects(objects: &[Object], instances: &[Instance]) -> Vec<bool> {
     let mut uses = vec![0u32; objects.len()];
     let mut shared = vec![false; objects.len()];
@@ -207,7 +256,8 @@ fn shared_objects(objects: &[Object], instances: &[Instance]) -> Vec<bool> {
         uses[index] += 1;
         let mut shapes = objects[index].shapes.iter();
         let has_sphere = shapes.any(|shape| matches!(shape.geometry, Geometry::Sphere { .. }));
-        shared[index] |= uses[index] > 1 || has_sphere && !is_similarity(&instance.to_world);
+        shared[index] |= uses[index] > 1 || instance.motion().is_some();
+        shared[index] |= has_sphere && !is_similarity(&instance.to_world);
     }
     shared
 }

@@ -8,7 +8,7 @@ use super::binary::{Item, Kind};
 use super::wide::Leaves;
 use crate::desc::{Geometry, MaterialId, Mesh, Object};
 use crate::geometry::sphere::SphereBlock;
-use crate::geometry::triangle::TriangleBlock;
+use crate::geometry::triangle::{MovingBlock, TriangleBlock};
 
 /// Which primitive of the scene. Ordered as the scene lists them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -31,14 +31,15 @@ pub(super) struct Placed<'a> {
 }
 
 impl Placed<'_> {
-    fn vertices(&self, mesh: &Mesh, primitive: usize) -> [Vec3; 3] {
-        let [a, b, c] = mesh.triangles[primitive];
-        [self.vertex(mesh, a), self.vertex(mesh, b), self.vertex(mesh, c)]
+    /// A triangle whose vertices are among `positions`.
+    #[inline(always)]
+    fn vertices(&self, positions: &[Vec3], [a, b, c]: [u32; 3]) -> [Vec3; 3] {
+        [self.vertex(positions, a), self.vertex(positions, b), self.vertex(positions, c)]
     }
 
     #[inline(always)]
-    fn vertex(&self, mesh: &Mesh, index: u32) -> Vec3 {
-        let p = mesh.positions[index as usize];
+    fn vertex(&self, positions: &[Vec3], index: u32) -> Vec3 {
+        let p = positions[index as usize];
         match &self.transform {
             Some(transform) => transform.transform_point3(p),
             None => p,
@@ -59,6 +60,38 @@ struct Part<'a> {
     geometry: &'a Geometry,
     filtered: bool,
     first: usize,
+}
+
+impl Part<'_> {
+    /// What a leaf calls an item.
+    fn id(&self, item: &Item) -> u32 {
+        item.index() | if self.filtered { FILTERED } else { 0 }
+    }
+
+    /// A triangle of its mesh as the builder sees it.
+    #[inline(always)]
+    fn triangle(&self, mesh: &Mesh, primitive: usize) -> Item {
+        let corners = mesh.triangles[primitive];
+        let vertices = self.placed.vertices(&mesh.positions, corners);
+        let (mut bounds, mut kind) = (triangle_bounds(vertices), Kind::Triangle);
+        if !mesh.end_positions.is_empty() {
+            let end = self.placed.vertices(&mesh.end_positions, corners);
+            if end != vertices {
+                let end = triangle_bounds(end);
+                let broken = bounds.is_empty() || end.is_empty();
+                bounds = if broken { Bounds::EMPTY } else { bounds.union(end).widened() };
+                kind = Kind::MovingTriangle;
+            }
+        }
+        Item::new(bounds, (self.first + primitive) as u32, kind)
+    }
+}
+
+/// Empty where something is not a number, which passes min and max unseen.
+#[inline(always)]
+fn triangle_bounds([a, b, c]: [Vec3; 3]) -> Bounds {
+    let bounds = Bounds { min: a.min(b).min(c), max: a.max(b).max(c) };
+    if (a + b + c).is_nan() { Bounds::EMPTY } else { bounds }
 }
 
 /// All shapes of one tree.
@@ -104,13 +137,7 @@ impl<'a> Source<'a> {
                         }),
                     );
                     let from = items.len();
-                    let item = |i: usize| {
-                        let [a, b, c] = part.placed.vertices(mesh, i);
-                        let bounds = Bounds { min: a.min(b).min(c), max: a.max(b).max(c) };
-                        // NaN passes min and max unseen.
-                        let bounds = if (a + b + c).is_nan() { Bounds::EMPTY } else { bounds };
-                        Item::new(bounds, (part.first + i) as u32, Kind::Triangle)
-                    };
+                    let item = |i: usize| part.triangle(mesh, i);
                     items.par_extend((0..count).into_par_iter().with_min_len(4096).map(item));
                     drop_unbounded(items, from);
                 }
@@ -154,9 +181,22 @@ impl Leaves for Source<'_> {
             let index = item.index() as usize;
             let part = self.part(index);
             let Geometry::Mesh(mesh) = part.geometry else { unreachable!("a triangle is of a mesh") };
-            let filtered = if part.filtered { FILTERED } else { 0 };
-            let vertices = part.placed.vertices(mesh, index - part.first);
-            block.set(lane, vertices, item.index() | filtered);
+            let corners = mesh.triangles[index - part.first];
+            block.set(lane, part.placed.vertices(&mesh.positions, corners), part.id(item));
+        }
+        block
+    }
+
+    fn moving(&self, items: &[Item]) -> MovingBlock {
+        let mut block = MovingBlock::default();
+        for (lane, item) in items.iter().enumerate() {
+            let index = item.index() as usize;
+            let part = self.part(index);
+            let Geometry::Mesh(mesh) = part.geometry else { unreachable!("a triangle is of a mesh") };
+            let corners = mesh.triangles[index - part.first];
+            let start = part.placed.vertices(&mesh.positions, corners);
+            let end = part.placed.vertices(&mesh.end_positions, corners);
+            block.set(lane, start, end, part.id(item));
         }
         block
     }
@@ -169,8 +209,7 @@ impl Leaves for Source<'_> {
                 unreachable!("a sphere is a sphere")
             };
             let (center, radius) = part.placed.sphere(center, radius);
-            let filtered = if part.filtered { FILTERED } else { 0 };
-            block.set(lane, center, radius, item.index() | filtered);
+            block.set(lane, center, radius, part.id(item));
         }
         block
     }

@@ -1,5 +1,7 @@
 //! The tree against the plainest of kernels: every primitive, one after another.
 
+mod motion;
+
 use std::sync::Arc;
 
 use glam::{Affine3A, Quat, Vec3};
@@ -102,7 +104,7 @@ fn build(objects: &[Object], instances: &[Instance]) -> Accel {
 }
 
 fn ray(origin: Vec3, direction: Vec3) -> Ray {
-    Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
+    Ray::new(origin, direction, 0.0)
 }
 
 /// Numbers of a linear congruential generator (Knuth's MMIX), uniform in -1..1.

@@ -12,7 +12,7 @@ use glam::{Affine3A, Vec3};
 use super::binary::{Kind, MAX_DEPTH, WIDTH};
 use super::source::FILTERED;
 use super::wide::{Link, Node};
-use super::{Accel, Hit, Ray};
+use super::{Accel, Hit, Inner, Ray, STILL};
 use crate::geometry::triangle::ShearedLanes;
 use crate::geometry::{BLOCK, Candidates};
 use crate::isa::{Isa, Job, Lanes};
@@ -158,7 +158,7 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
 
     #[inline(always)]
     fn run<I: Isa>(mut self, isa: I) -> Option<Hit> {
-        let Ray { origin, direction, t_min, t_max } = *self.ray;
+        let Ray { origin, direction, t_min, t_max, time } = *self.ray;
         let finite = origin.is_finite() && direction.is_finite() && direction != Vec3::ZERO;
         // So written that NaN fails.
         if !(finite && t_min < t_max) {
@@ -193,6 +193,13 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
                             None => false,
                         }
                     }
+                    Kind::MovingTriangle => {
+                        let block = &self.accel.store.moving[index];
+                        match block.intersect(isa, &ray.sheared, time, t_min, t_max) {
+                            Some(found) => self.accept(isa, &mut best, instance, &found, block.ids()),
+                            None => false,
+                        }
+                    }
                     Kind::Sphere => {
                         let block = &self.accel.store.spheres[index];
                         match block.intersect(isa, local.0, local.1, (t_min, t_max)) {
@@ -203,7 +210,11 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
                     Kind::Instance => {
                         let inner = &self.accel.instances[index];
                         stack.push(Link::LEAVE, 0.0);
-                        local = into(&inner.to_object, origin, direction);
+                        local = if inner.motion == STILL {
+                            into(&inner.to_object, origin, direction)
+                        } else {
+                            into(&self.accel.to_object_at(inner, time), origin, direction)
+                        };
                         ray = Prepared::new(isa, local.0, local.1);
                         instance = inner.instance;
                         link = inner.root;
@@ -278,6 +289,12 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Query<'_, F, ANY> {
 }
 
 impl Accel {
+    /// From the world to the object of an instance that moves.
+    #[cold]
+    fn to_object_at(&self, inner: &Inner, time: f32) -> Affine3A {
+        self.motions[inner.motion as usize].at(time).inverse()
+    }
+
     fn reference(&self, instance: u32, id: u32) -> super::source::Reference {
         let mut reference = self.references[(id & !FILTERED) as usize];
         if instance != WORLD {

@@ -5,25 +5,25 @@ use std::mem::MaybeUninit;
 use super::binary::{Item, Kind, Subtree, Tree, WIDTH};
 use super::{Bounds, memory};
 use crate::geometry::sphere::SphereBlock;
-use crate::geometry::triangle::TriangleBlock;
+use crate::geometry::triangle::{MovingBlock, TriangleBlock};
 use crate::isa::Lanes;
 
 /// Subtrees larger than this are written by a task of their own.
 const TASK: u32 = 4096;
 
-/// What a node's lane, or an entry of the stack, leads to: kind in the upper two bits, index below.
+/// What a node's lane, or an entry of the stack, leads to: kind in the upper three bits, index below.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Link(u32);
 
 impl Link {
-    const SHIFT: u32 = 30;
+    const SHIFT: u32 = 29;
     /// Greatest index, reserved.
     const LAST: u32 = (1 << Self::SHIFT) - 1;
     /// End of an instance's tree: back to the world's.
     pub(super) const LEAVE: Self = Self(u32::MAX);
 
     const fn tagged(tag: u32, index: usize) -> Self {
-        assert!(index < Self::LAST as usize, "more than a billion nodes or blocks");
+        assert!(index < Self::LAST as usize, "more than half a billion nodes or blocks");
         Self(tag << Self::SHIFT | index as u32)
     }
 
@@ -44,12 +44,7 @@ impl Link {
     /// For a leaf: what it holds, and where.
     #[inline(always)]
     pub(super) fn as_leaf(self) -> (Kind, usize) {
-        let kind = match self.0 >> Self::SHIFT {
-            1 => Kind::Triangle,
-            2 => Kind::Sphere,
-            _ => Kind::Instance,
-        };
-        (kind, (self.0 & Self::LAST) as usize)
+        (Kind::from_number((self.0 >> Self::SHIFT) - 1), (self.0 & Self::LAST) as usize)
     }
 }
 
@@ -82,6 +77,7 @@ impl Node {
 pub(super) struct Store {
     pub(super) nodes: Vec<Node>,
     pub(super) triangles: Vec<TriangleBlock>,
+    pub(super) moving: Vec<MovingBlock>,
     pub(super) spheres: Vec<SphereBlock>,
 }
 
@@ -89,6 +85,8 @@ pub(super) struct Store {
 pub(super) trait Leaves: Sync {
     /// A block of triangles.
     fn triangles(&self, items: &[Item]) -> TriangleBlock;
+    /// A block of triangles that move.
+    fn moving(&self, items: &[Item]) -> MovingBlock;
     /// A block of spheres.
     fn spheres(&self, items: &[Item]) -> SphereBlock;
 }
@@ -98,6 +96,7 @@ pub(super) trait Leaves: Sync {
 struct Counts {
     nodes: usize,
     triangles: usize,
+    moving: usize,
     spheres: usize,
 }
 
@@ -105,6 +104,7 @@ impl Counts {
     fn add(&mut self, other: &Self) {
         self.nodes += other.nodes;
         self.triangles += other.triangles;
+        self.moving += other.moving;
         self.spheres += other.spheres;
     }
 }
@@ -129,6 +129,7 @@ struct Output<'a> {
     base: Counts,
     nodes: &'a mut [MaybeUninit<Node>],
     triangles: &'a mut [MaybeUninit<TriangleBlock>],
+    moving: &'a mut [MaybeUninit<MovingBlock>],
     spheres: &'a mut [MaybeUninit<SphereBlock>],
 }
 
@@ -141,8 +142,15 @@ impl<'a> Output<'a> {
             base,
             nodes: self.nodes.split_off_mut(..counts.nodes).expect("counted before"),
             triangles: self.triangles.split_off_mut(..counts.triangles).expect("counted before"),
+            moving: self.moving.split_off_mut(..counts.moving).expect("counted before"),
             spheres: self.spheres.split_off_mut(..counts.spheres).expect("counted before"),
         }
+    }
+
+    /// Panics unless all of it has been taken.
+    fn finish(&self) {
+        let left = self.nodes.len() + self.triangles.len() + self.moving.len() + self.spheres.len();
+        assert_eq!(left, 0, "counted otherwise before");
     }
 }
 
@@ -176,19 +184,26 @@ impl Store {
         let emitter = Emitter { items, tree: &tree, leaves };
         let census = emitter.census(Subtree::default());
         let counts = census.counts;
-        let base =
-            Counts { nodes: self.nodes.len(), triangles: self.triangles.len(), spheres: self.spheres.len() };
+        let base = Counts {
+            nodes: self.nodes.len(),
+            triangles: self.triangles.len(),
+            moving: self.moving.len(),
+            spheres: self.spheres.len(),
+        };
         self.nodes.reserve_exact(counts.nodes);
         self.triangles.reserve_exact(counts.triangles);
+        self.moving.reserve_exact(counts.moving);
         self.spheres.reserve_exact(counts.spheres);
         let output = Output {
             base,
             nodes: &mut self.nodes.spare_capacity_mut()[..counts.nodes],
             triangles: &mut self.triangles.spare_capacity_mut()[..counts.triangles],
+            moving: &mut self.moving.spare_capacity_mut()[..counts.moving],
             spheres: &mut self.spheres.spare_capacity_mut()[..counts.spheres],
         };
         memory::prefer_huge_pages(output.nodes);
         memory::prefer_huge_pages(output.triangles);
+        memory::prefer_huge_pages(output.moving);
         memory::prefer_huge_pages(output.spheres);
         emitter.emit(Subtree::default(), &census, output);
         // SAFETY: `emit` has written every element of its output: it splits it exactly by the census, down to
@@ -196,6 +211,7 @@ impl Store {
         unsafe {
             self.nodes.set_len(base.nodes + counts.nodes);
             self.triangles.set_len(base.triangles + counts.triangles);
+            self.moving.set_len(base.moving + counts.moving);
             self.spheres.set_len(base.spheres + counts.spheres);
         }
         (root, tree.node(Subtree::default()).bounds)
@@ -239,6 +255,7 @@ impl<L: Leaves> Emitter<'_, L> {
         let counts = match self.leaf_kind(at) {
             None => return self.census(at),
             Some(Kind::Triangle) => Counts { triangles: 1, ..Counts::default() },
+            Some(Kind::MovingTriangle) => Counts { moving: 1, ..Counts::default() },
             Some(Kind::Sphere) => Counts { spheres: 1, ..Counts::default() },
             Some(Kind::Instance) => Counts::default(),
         };
@@ -249,8 +266,7 @@ impl<L: Leaves> Emitter<'_, L> {
     fn emit(&self, at: Subtree, census: &Census, mut output: Output<'_>) {
         if census.children.is_empty() {
             self.emit_serial(at, &mut output);
-            let left = output.nodes.len() + output.triangles.len() + output.spheres.len();
-            assert_eq!(left, 0, "counted otherwise before");
+            output.finish();
             return;
         }
         let (children, len) = self.children(at);
@@ -268,8 +284,7 @@ impl<L: Leaves> Emitter<'_, L> {
                 }
             }
         });
-        let left = output.nodes.len() + output.triangles.len() + output.spheres.len();
-        assert_eq!(left, 0, "counted otherwise before");
+        output.finish();
         own.nodes[0].write(node);
     }
 
@@ -298,6 +313,11 @@ impl<L: Leaves> Emitter<'_, L> {
                 let own = output.take(&Counts { triangles: 1, ..Counts::default() });
                 own.triangles[0].write(self.leaves.triangles(items));
                 Link::leaf(kind, own.base.triangles)
+            }
+            Kind::MovingTriangle => {
+                let own = output.take(&Counts { moving: 1, ..Counts::default() });
+                own.moving[0].write(self.leaves.moving(items));
+                Link::leaf(kind, own.base.moving)
             }
             Kind::Sphere => {
                 let own = output.take(&Counts { spheres: 1, ..Counts::default() });

@@ -189,4 +189,9 @@ impl Instance {
     pub const fn still(object: ObjectId, to_world: Affine3A) -> Self {
         Self { object, to_world, end_to_world: None }
     }
+
+    /// Where it is when the shutter closes, if that is somewhere else.
+    pub fn motion(&self) -> Option<&Affine3A> {
+        self.end_to_world.as_ref().filter(|&end| *end != self.to_world)
+    }
 }

@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use crate::isa::Lanes;
 
+pub mod motion;
 pub mod sphere;
 pub mod triangle;
 

@@ -141,9 +141,22 @@ impl TriangleBlock {
         t_min: I::F32x8,
         t_max: I::F32x8,
     ) -> Option<Candidates> {
-        let a = self.sheared(isa, ray, 0);
-        let b = self.sheared(isa, ray, 1);
-        let c = self.sheared(isa, ray, 2);
+        let [a, b, c] = [self.sheared(isa, ray, 0), self.sheared(isa, ray, 1), self.sheared(isa, ray, 2)];
+        ray.meets(isa, [a, b, c], t_min, t_max)
+    }
+}
+
+impl<I: Isa> ShearedLanes<I> {
+    /// The triangles among those with these vertices, in the ray's space but for the scale of z, that the ray meets
+    /// in (`t_min`, `t_max`].
+    #[inline(always)]
+    fn meets(
+        &self,
+        isa: I,
+        [a, b, c]: [[I::F32x8; 3]; 3],
+        t_min: I::F32x8,
+        t_max: I::F32x8,
+    ) -> Option<Candidates> {
         let u = isa.sub(isa.mul(c[0], b[1]), isa.mul(c[1], b[0]));
         let v = isa.sub(isa.mul(a[0], c[1]), isa.mul(a[1], c[0]));
         let w = isa.sub(isa.mul(b[0], a[1]), isa.mul(b[1], a[0]));
@@ -158,7 +171,7 @@ impl TriangleBlock {
         let reciprocal = isa.div(isa.splat(1.0), isa.add(isa.add(u, v), w));
         let [u, v, w] = [isa.mul(u, reciprocal), isa.mul(v, reciprocal), isa.mul(w, reciprocal)];
         let sum = isa.add(isa.add(isa.mul(u, a[2]), isa.mul(v, b[2])), isa.mul(w, c[2]));
-        let t = isa.mul(sum, ray.shear[2]);
+        let t = isa.mul(sum, self.shear[2]);
         // Seen edge-on, a triangle has an infinite reciprocal and t is infinite or NaN; t_max is finite.
         let mask = inside & isa.lt(t_min, t) & isa.le(t, t_max);
         if mask == 0 {
@@ -166,6 +179,93 @@ impl TriangleBlock {
         }
         Some(Candidates { mask, t: isa.store(t), u: isa.store(v), v: isa.store(w) })
     }
+}
+
+/// Up to 8 triangles whose vertices move along straight lines.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(64))]
+pub struct MovingBlock {
+    /// At time 0.
+    start: TriangleBlock,
+    /// By vertex and axis: what is added until time 1. Unlike the place at time 1 it keeps vertices that do not move
+    /// exactly where they are, as still triangles that share them have them.
+    way: [[Lanes; 3]; 3],
+}
+
+impl MovingBlock {
+    /// Puts a triangle that moves from `start` to `end` into a lane.
+    pub fn set(&mut self, lane: usize, start: [Vec3; 3], end: [Vec3; 3], id: u32) {
+        self.start.set(lane, start, id);
+        for (vertex, lanes) in self.way.iter_mut().enumerate() {
+            let way = end[vertex] - start[vertex];
+            for axis in 0..3 {
+                lanes[axis].0[lane] = way[axis];
+            }
+        }
+    }
+
+    /// What [`MovingBlock::set`] was told.
+    #[inline(always)]
+    pub fn ids(&self) -> &[u32; BLOCK] {
+        &self.start.ids
+    }
+
+    /// The triangles that `ray` meets at `time` in (`t_min`, `t_max`].
+    #[inline(always)]
+    pub fn intersect<I: Isa>(
+        &self,
+        isa: I,
+        ray: &ShearedLanes<I>,
+        time: f32,
+        t_min: I::F32x8,
+        t_max: I::F32x8,
+    ) -> Option<Candidates> {
+        let time = isa.splat(time);
+        let [a, b, c] = [
+            self.sheared(isa, ray, time, 0),
+            self.sheared(isa, ray, time, 1),
+            self.sheared(isa, ray, time, 2),
+        ];
+        ray.meets(isa, [a, b, c], t_min, t_max)
+    }
+
+    /// A vertex of all triangles in the ray's space, but for the scale of z.
+    #[inline(always)]
+    fn sheared<I: Isa>(&self, isa: I, ray: &ShearedLanes<I>, time: I::F32x8, vertex: usize) -> [I::F32x8; 3] {
+        let z = self.moved(isa, ray, time, vertex, 2);
+        let x = isa.sub(self.moved(isa, ray, time, vertex, 0), isa.mul(ray.shear[0], z));
+        let y = isa.sub(self.moved(isa, ray, time, vertex, 1), isa.mul(ray.shear[1], z));
+        [x, y, z]
+    }
+
+    /// A vertex of all triangles at `time`, from the ray's origin along one of the ray's axes.
+    #[inline(always)]
+    fn moved<I: Isa>(
+        &self,
+        isa: I,
+        ray: &ShearedLanes<I>,
+        time: I::F32x8,
+        vertex: usize,
+        axis: usize,
+    ) -> I::F32x8 {
+        let start = isa.load(&self.start.vertices[vertex][ray.axes[axis]]);
+        let way = isa.load(&self.way[vertex][ray.axes[axis]]);
+        isa.sub(isa.add(start, isa.mul(way, time)), ray.origin[axis])
+    }
+}
+
+/// Where the corners of a triangle that moves from `start` to `end` are at `time`, as [`MovingBlock`] has them.
+#[inline]
+pub fn corners_at(start: [Vec3; 3], end: [Vec3; 3], time: f32) -> [Vec3; 3] {
+    [0, 1, 2].map(|i| start[i] + (end[i] - start[i]) * time)
+}
+
+/// How far [`corners_at`] may be off per axis: a difference, a product and a sum, here and in the kernel, of numbers
+/// no greater than the sum of both.
+#[inline]
+pub fn motion_error(start: [Vec3; 3], end: [Vec3; 3]) -> Vec3 {
+    let size = |i: usize| start[i].abs() + end[i].abs();
+    gamma(6) * size(0).max(size(1)).max(size(2))
 }
 
 /// The point with barycentric coordinates `u` of the second and `v` of the third vertex.

@@ -1,5 +1,6 @@
 //! Scenes whose answer can be derived, drawn by the whole tracer.
 
+mod motion;
 mod surfaces;
 
 use std::f64::consts::PI;
@@ -423,8 +424,7 @@ impl crate::isa::Job for OnePoint<'_> {
     fn run<I: crate::isa::Isa>(self, isa: I) -> Self::Output {
         let (scene, rng) = (self.scene, self.rng);
         let cast = |w: Vec3| {
-            let ray =
-                crate::bvh::Ray { origin: Vec3::Y * 1e-4, direction: w, t_min: 0.0, t_max: f32::INFINITY };
+            let ray = crate::bvh::Ray::new(Vec3::Y * 1e-4, w, 0.0);
             scene.accel.closest(isa, &ray, |_| true)
         };
         let brdf = f64::from(GROUND_ALBEDO) / PI;

@@ -6,6 +6,7 @@ use super::SceneBuildError as Error;
 use crate::desc::{
     Environment, EnvironmentLayout, Geometry, Image, Instance, Light, Mesh, SceneDesc, SpotFalloff, Texels,
 };
+use crate::geometry::motion::Motion;
 
 /// Checks all but textures and materials.
 pub(super) fn scene(desc: &SceneDesc) -> Result<(), Error> {
@@ -62,9 +63,6 @@ fn unsupported(place: Place, what: &'static str) -> Error {
 }
 
 fn mesh(place: Place, mesh: &Mesh) -> Result<(), Error> {
-    if !mesh.end_positions.is_empty() {
-        return Err(unsupported(place, "a mesh that changes its form"));
-    }
     let expected = mesh.positions.len();
     let lengths = [
         ("normals", mesh.normals.len()),
@@ -72,18 +70,26 @@ fn mesh(place: Place, mesh: &Mesh) -> Result<(), Error> {
         ("texture coordinates of set 0", mesh.uvs[0].len()),
         ("texture coordinates of set 1", mesh.uvs[1].len()),
         ("vertex colours", mesh.colors.len()),
+        ("positions when the shutter closes", mesh.end_positions.len()),
+        ("normals when the shutter closes", mesh.end_normals.len()),
     ];
     for (what, found) in lengths {
         if found != 0 && found != expected {
             return Err(Error::Length { place: place(), what, found, expected });
         }
     }
+    // Both ends have normals, or neither.
+    let (found, expected_normals) = (mesh.end_normals.len(), mesh.normals.len());
+    if !mesh.end_positions.is_empty() && found != expected_normals || found > expected_normals {
+        let what = "normals when the shutter closes";
+        return Err(Error::Length { place: place(), what, found, expected: expected_normals });
+    }
     for (t, triangle) in mesh.triangles.iter().enumerate() {
         for &vertex in triangle {
             index(&|| format!("{}, triangle {t}", place()), "vertex", vertex, expected)?;
         }
     }
-    for (v, position) in mesh.positions.iter().enumerate() {
+    for (v, position) in mesh.positions.iter().enumerate().chain(mesh.end_positions.iter().enumerate()) {
         let place = || format!("{}, vertex {v}", place());
         value(&place, "position", position, position.is_finite(), "finite numbers")?;
     }
@@ -97,12 +103,13 @@ fn sphere(place: Place, center: Vec3, radius: f32) -> Result<(), Error> {
 
 fn instance(place: Place, instance: &Instance, objects: usize) -> Result<(), Error> {
     index(place, "object", instance.object.0, objects)?;
-    if instance.end_to_world.is_some() {
-        return Err(unsupported(place, "motion"));
-    }
     let inverse = instance.to_world.inverse();
     let sound = instance.to_world.is_finite() && inverse.is_finite();
-    value(place, "transform", instance.to_world, sound, "an invertible matrix of finite numbers")
+    value(place, "transform", instance.to_world, sound, "an invertible matrix of finite numbers")?;
+    let Some(end) = instance.motion() else { return Ok(()) };
+    let sound = Motion::new(&instance.to_world, end).is_some();
+    let expected = "an invertible matrix of finite numbers that mirrors if that at the start does";
+    value(place, "transform when the shutter closes", end, sound, expected)
 }
 
 fn light(place: Place, light: &Light) -> Result<(), Error> {

@@ -2,9 +2,10 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{CompiledShape, NO_LIGHT, PlacedObject, Scene};
+use super::{CompiledShape, NO_LIGHT, PlacedObject, STILL, Scene};
 use crate::bvh::Accel;
 use crate::desc::{Geometry, MaterialId, SceneDesc, Shape};
+use crate::geometry::motion::Motion;
 use crate::interaction::{Placement, mesh_surface, sphere_surface};
 use crate::light::{Emitter, Lights, SphereLight, TriangleLight};
 use crate::material::{MaterialTable, SurfacePoint};
@@ -25,11 +26,16 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
     let mut collector =
         Collector { desc, materials: &materials, triangles: vec![], spheres: vec![], first: vec![] };
     let mut instances = Vec::with_capacity(desc.instances.len());
+    let mut motions = Vec::new();
     for (index, instance) in desc.instances.iter().enumerate() {
         let placement = Placement::new(instance.to_world);
         let first_slot = collector.first.len() as u32;
+        let motion = instance.motion().and_then(|end| Motion::new(&instance.to_world, end));
+        let number = if motion.is_some() { motions.len() as u32 } else { STILL };
+        motions.extend(motion);
         instances.push(PlacedObject {
             placement,
+            motion: number,
             first_shape: first_shapes[instance.object.0 as usize],
             first_slot,
         });
@@ -38,7 +44,13 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
     let Collector { triangles, spheres, first: first_lights, .. } = collector;
     let lights = Lights::new(triangles, spheres, &desc.lights, desc.environment.as_ref());
     let accel = Accel::build(&desc.objects, &desc.instances, |material| materials.is_opaque(material));
-    Scene { accel, materials, lights, instances, shapes, first_lights }
+    let moves = !motions.is_empty() || shapes.iter().any(|shape| is_deforming(&shape.geometry));
+    Scene { accel, materials, lights, instances, shapes, first_lights, motions, moves }
+}
+
+/// Whether it changes its form.
+fn is_deforming(geometry: &Geometry) -> bool {
+    matches!(geometry, Geometry::Mesh(mesh) if !mesh.end_positions.is_empty())
 }
 
 /// Gathers emissive surfaces.
@@ -52,9 +64,12 @@ struct Collector<'a> {
 
 impl Collector<'_> {
     fn instance(&mut self, index: u32, placement: &Placement) {
-        let object = &self.desc.objects[self.desc.instances[index as usize].object.0 as usize];
+        let instance = &self.desc.instances[index as usize];
+        let object = &self.desc.objects[instance.object.0 as usize];
         for (number, shape) in object.shapes.iter().enumerate() {
-            let first = if self.materials.emits(shape.material) {
+            // What moves is left to paths that hit it: the lights' tables know one place for each.
+            let moves = instance.motion().is_some() || is_deforming(&shape.geometry);
+            let first = if self.materials.emits(shape.material) && !moves {
                 self.shape(index, number as u32, shape, placement)
             } else {
                 NO_LIGHT

@@ -7,8 +7,10 @@
 mod embedded;
 mod environment;
 mod error;
+mod file;
 mod framing;
 mod gltf;
+mod image;
 mod summary;
 
 use std::path::Path;

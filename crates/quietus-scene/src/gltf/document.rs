@@ -2,8 +2,6 @@
 
 use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use base64::Engine;
@@ -13,26 +11,11 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use super::container;
 use super::schema::{BufferView, Root};
 use crate::error::{ErrorKind, SceneError, Warning};
-
-/// Largest file that is read: what the four-byte length of a binary glTF can say.
-const MAX_FILE_BYTES: u64 = 1 << 32;
+use crate::file;
 
 /// Most memory that vertices and indices of one scene may take when decoded: a small file can refer to the same
 /// bytes many times.
 const MAX_GEOMETRY_BYTES: u64 = 1 << 34;
-
-/// Reads a whole file of at most 4 GiB.
-pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, SceneError> {
-    let io = |error: std::io::Error| SceneError::io(path, &error);
-    let file = File::open(path).map_err(io)?;
-    let mut bytes = Vec::new();
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;
-    if bytes.len() as u64 > MAX_FILE_BYTES {
-        let message = format!("the file is larger than {MAX_FILE_BYTES} bytes");
-        return Err(SceneError::new(ErrorKind::Unsupported, path, "", message));
-    }
-    Ok(bytes)
-}
 
 /// A glTF file and what belongs to it.
 pub(super) struct Document<'a> {
@@ -148,7 +131,7 @@ impl<'a> Document<'a> {
             return Err(self.invalid(place, "the URI is empty or holds a zero byte, expected a file name"));
         }
         let path = self.file.parent().unwrap_or(Path::new("")).join(&*name);
-        let bytes = read_file(&path).map_err(|error| error.or_at(&format!("{place} of the scene")))?;
+        let bytes = file::read(&path).map_err(|error| error.or_at(&format!("{place} of the scene")))?;
         Ok((bytes, path))
     }
 

@@ -24,7 +24,7 @@ use glam::{Mat3, Vec3};
 use quietus_trace::desc::{Environment, EnvironmentLayout, SceneDesc};
 
 use crate::error::SceneError;
-use crate::{Loaded, framing, summary};
+use crate::{Loaded, file, framing, summary};
 use document::Document;
 
 /// Radiance of the sky given to scenes without any light: bluish, and with a mean luminance below 1 so that white
@@ -37,7 +37,7 @@ pub(crate) const PLAIN_SKY: &str =
 
 /// Reads the glTF file at `path`.
 pub(crate) fn load(path: &Path) -> Result<Loaded, SceneError> {
-    load_bytes(path, &document::read_file(path)?)
+    load_bytes(path, &file::read(path)?)
 }
 
 /// Reads a glTF file whose content is `bytes`; `path` is for messages and to find the files beside it.

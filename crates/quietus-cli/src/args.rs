@@ -185,10 +185,16 @@ pub(crate) enum SamplingArg {
 pub(crate) enum FilterArg {
     /// Constant over the pixel.
     Box,
-    /// Gaussian of standard deviation 0.5 pixels.
+    /// Triangle of radius 2 pixels.
+    Triangle,
+    /// Gaussian of standard deviation 0.5 and radius 1.5 pixels.
     Gaussian,
     /// Blackman-Harris window of radius 1.5 pixels.
     BlackmanHarris,
+    /// Mitchell-Netravali with B = C = 1/3 and radius 2 pixels: sharp, may ring and be negative beside edges.
+    Mitchell,
+    /// Sinc, windowed to radius 4 pixels: sharper, rings more.
+    LanczosSinc,
 }
 
 pub(crate) fn parse_size(text: &str) -> Result<[u32; 2], String> {

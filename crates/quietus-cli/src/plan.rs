@@ -212,9 +212,12 @@ fn check_memory(layout: &Layout) -> Result<(), Failure> {
 /// The filter asked for.
 pub(crate) fn filter(filter: FilterArg) -> Filter {
     match filter {
-        FilterArg::Box => Filter::Box,
-        FilterArg::Gaussian => Filter::Gaussian,
-        FilterArg::BlackmanHarris => Filter::BlackmanHarris,
+        FilterArg::Box => Filter::BOX,
+        FilterArg::Triangle => Filter::TRIANGLE,
+        FilterArg::Gaussian => Filter::GAUSSIAN,
+        FilterArg::BlackmanHarris => Filter::BLACKMAN_HARRIS,
+        FilterArg::Mitchell => Filter::MITCHELL,
+        FilterArg::LanczosSinc => Filter::LANCZOS_SINC,
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use quietus::SettingsError;
 use quietus_scene::SceneError;
-use quietus_trace::{camera::CameraError, scene::SceneBuildError};
+use quietus_trace::{scene::SceneBuildError, view::ViewError};
 
 /// Why something could not be measured.
 #[derive(Debug, thiserror::Error)]
@@ -43,7 +43,7 @@ pub enum EvalError {
         /// The scene.
         scene: String,
         /// What is wrong with it.
-        source: CameraError,
+        source: ViewError,
     },
     /// Settings that the library refuses.
     #[error("sampling settings: {0}")]

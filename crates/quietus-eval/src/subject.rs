@@ -45,9 +45,9 @@ impl Look {
 
     fn filter(&self) -> Result<Filter, EvalError> {
         match self.filter.as_str() {
-            "box" => Ok(Filter::Box),
-            "gaussian" => Ok(Filter::Gaussian),
-            "blackman-harris" => Ok(Filter::BlackmanHarris),
+            "box" => Ok(Filter::BOX),
+            "gaussian" => Ok(Filter::GAUSSIAN),
+            "blackman-harris" => Ok(Filter::BLACKMAN_HARRIS),
             other => {
                 let message =
                     format!("unknown filter \"{other}\": expected box, gaussian or blackman-harris");

@@ -72,7 +72,7 @@ fn ours() -> Tiles {
     let desc = simplified();
     let scene = Scene::build(&desc).expect("the embedded scene is sound");
     let size = [SIZE as u32; 2];
-    let view = View::new(&desc.cameras[0], size, Filter::Box, MAX_DEPTH, 0).expect("a sound camera");
+    let view = View::new(&desc.cameras[0], size, Filter::BOX, MAX_DEPTH, 0).expect("a sound camera");
     let mut batches = Batches(vec![DVec3::ZERO; SIZE * SIZE * usize::from(REPLICATES)]);
     let runs = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y)));
     let work: Vec<_> = runs

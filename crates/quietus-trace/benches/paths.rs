@@ -145,7 +145,7 @@ fn paths(criterion: &mut Criterion) {
     let camera = Camera::perspective("", Affine3A::from_translation(Vec3::new(0.0, 1.0, 4.0)), 0.6);
     let mut group = criterion.benchmark_group("paths");
     for depth in [2, 8] {
-        let view = View::new(&camera, [SIZE, SIZE], Filter::BlackmanHarris, depth, 1).expect("a sound view");
+        let view = View::new(&camera, [SIZE, SIZE], Filter::BLACKMAN_HARRIS, depth, 1).expect("a sound view");
         let mut noise = Noise::default();
         let counts = render_tile(&scene, &view, &frame(256), &mut noise);
         let rays = counts.rays as f64 / counts.paths as f64;

@@ -67,7 +67,8 @@ pub(crate) fn sample<I: Isa>(
     counts: &mut TileCounts,
 ) -> Sample {
     let mut sampler = Sampler::new(view.seed, run.x, run.y, run.replicate, index);
-    let film = Vec2::new(run.x as f32 + 0.5, run.y as f32 + 0.5) + view.filter.sample(sampler.next_2d());
+    let filtered = view.filter.sample(sampler.next_2d());
+    let film = Vec2::new(run.x as f32 + 0.5, run.y as f32 + 0.5) + filtered.offset;
     let lens = if view.camera.has_lens() { warp::disk(sampler.next_2d()) } else { Vec2::ZERO };
     let ray = view.camera.ray(film, lens);
     let coverage_key = sampler.bits();
@@ -112,6 +113,9 @@ pub(crate) fn sample<I: Isa>(
             break;
         }
     }
+    // Not the guides, which thereby are averaged with the filter's magnitude and stay in their ranges.
+    path.sample.radiance *= filtered.weight;
+    path.sample.alpha *= filtered.weight;
     path.sample
 }
 

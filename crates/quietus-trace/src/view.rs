@@ -1,9 +1,22 @@
 //! What to draw of a scene: frame, camera, filter, path length and seed.
 
+use thiserror::Error;
+
 use crate::camera::{Camera, CameraError};
 use crate::desc;
-use crate::filter::{Filter, FilterSampler};
+use crate::filter::{Filter, FilterError, FilterSampler};
 use crate::isa::Level;
+
+/// Why there is no such view.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ViewError {
+    /// An empty frame, or a camera that makes no sense.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// A filter that makes no sense.
+    #[error(transparent)]
+    Filter(#[from] FilterError),
+}
 
 /// Settings of one picture, checked and prepared.
 #[derive(Clone, Debug)]
@@ -22,17 +35,17 @@ impl View {
     /// 0 is black. `seed` picks the random numbers; everything else equal, equal seeds give equal bits.
     ///
     /// # Errors
-    /// An empty frame or a camera that makes no sense, see [`CameraError`].
+    /// An empty frame, a camera or a filter that makes no sense.
     pub fn new(
         camera: &desc::Camera,
         size: [u32; 2],
         filter: Filter,
         max_depth: u32,
         seed: u64,
-    ) -> Result<Self, CameraError> {
+    ) -> Result<Self, ViewError> {
         Ok(Self {
             camera: Camera::new(camera, size[0], size[1])?,
-            filter: FilterSampler::new(filter),
+            filter: FilterSampler::new(filter)?,
             max_depth,
             seed,
             level: Level::detect(),

@@ -1,6 +1,6 @@
 //! Cameras, and what a scene file wishes for its picture.
 
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Affine3A, Vec3};
 
 use super::MediumId;
 use crate::filter::Filter;
@@ -89,8 +89,6 @@ pub struct PictureDefaults {
     pub max_depth: Option<u32>,
     /// Reconstruction filter.
     pub filter: Option<Filter>,
-    /// Radius of the filter in x and y, in pixels, where it is not the filter's own.
-    pub filter_radius: Option<Vec2>,
     /// Largest value of a sample's component before it enters the film.
     pub max_component: Option<f32>,
 }

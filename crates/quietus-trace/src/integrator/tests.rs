@@ -121,7 +121,7 @@ fn view(eye: Vec3, target: Vec3, size: u32, fov_y: f32, max_depth: u32) -> View 
     let right = back.any_orthonormal_vector();
     let rotation = Mat3::from_cols(right, back.cross(right), back);
     let camera = desc::Camera::perspective("", Affine3A::from_mat3_translation(rotation, eye), fov_y);
-    View::new(&camera, [size, size], Filter::Box, max_depth, 1).expect("a sound view")
+    View::new(&camera, [size, size], Filter::BOX, max_depth, 1).expect("a sound view")
 }
 
 /// Every pixel and replicate has its own scramble: the first sample of each is independent of all others.

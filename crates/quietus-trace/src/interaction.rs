@@ -125,7 +125,7 @@ impl Interaction {
             (interpolated * toward_front.signum()).normalize_or(geometric_normal)
         };
         let surface = if textured || !mesh.colors.is_empty() {
-            mesh_surface(mesh, hit.primitive, hit.u, hit.v)
+            SurfacePoint { position, ..mesh_surface(mesh, hit.primitive, hit.u, hit.v) }
         } else {
             SurfacePoint::default()
         };
@@ -147,7 +147,11 @@ impl Interaction {
         let outward = (point - center) / radius;
         let normal = placement.normal(outward).normalize();
         // Angles from directions are dear.
-        let surface = if textured { sphere_surface(outward) } else { SurfacePoint::default() };
+        let surface = if textured {
+            SurfacePoint { position, ..sphere_surface(outward) }
+        } else {
+            SurfacePoint::default()
+        };
         Self { position, error, geometric_normal: normal, shading_normal: normal, surface, material }
     }
 
@@ -169,22 +173,22 @@ fn corners(mesh: &Mesh, indices: [usize; 3], time: f32) -> ([Vec3; 3], Vec3) {
     (triangle::corners_at(start, end, time), triangle::motion_error(start, end))
 }
 
-/// Texture coordinates and vertex colour at a point of a triangle.
+/// Texture coordinates and vertex colour at a point of a triangle; its position is for the caller to fill in.
 #[inline(always)]
 pub(crate) fn mesh_surface(mesh: &Mesh, primitive: u32, u: f32, v: f32) -> SurfacePoint {
     let indices = mesh.triangles[primitive as usize].map(|i| i as usize);
     let uv = |set: &Vec<Vec2>| if set.is_empty() { Vec2::ZERO } else { blend(set, indices, u, v) };
     let color = if mesh.colors.is_empty() { Vec4::ONE } else { blend(&mesh.colors, indices, u, v) };
-    SurfacePoint { uv: [uv(&mesh.uvs[0]), uv(&mesh.uvs[1])], color }
+    SurfacePoint { uv: [uv(&mesh.uvs[0]), uv(&mesh.uvs[1])], color, ..SurfacePoint::default() }
 }
 
 /// Texture coordinates of a sphere, whose object-space normal is `outward`, as on a globe: v runs down from +y, u
-/// eastwards, the middle of the map faces +z.
+/// eastwards, the middle of the map faces +z. Its position is for the caller to fill in.
 #[inline(always)]
 pub(crate) fn sphere_surface(outward: Vec3) -> SurfacePoint {
     let u = 0.5 + outward.x.atan2(outward.z) / std::f32::consts::TAU;
     let v = outward.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
-    SurfacePoint { uv: [Vec2::new(u, v); 2], color: Vec4::ONE }
+    SurfacePoint { uv: [Vec2::new(u, v); 2], ..SurfacePoint::default() }
 }
 
 /// The directions in the world in which the texture coordinates of set 0 grow, for normal maps: the mesh's tangents

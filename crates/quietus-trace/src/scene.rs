@@ -193,23 +193,26 @@ impl Scene {
             }
             _ => unreachable!("refused when the scene is built"),
         };
-        self.materials.alpha(shape.material, &surface)
+        let position = ray.origin + hit.t * ray.direction;
+        self.materials.alpha(shape.material, &SurfacePoint { position, ..surface })
     }
 
     /// Chooses a light and a direction to it from `from`, for random numbers in `[0, 1)`.
     #[inline(always)]
     pub(crate) fn sample_light(&self, from: Vec3, u_light: f32, u: Vec2) -> Option<LightSample> {
+        let position = |sample: &LightSample| sample.target.map_or(from, |target| target.position);
         match self.lights.sample(from, u_light, u)? {
             Found::Light(sample) => Some(sample),
             Found::Triangle(emitter, barycentric, sample) => {
                 let (_, shape) = self.shape(emitter.instance, emitter.shape);
                 let Geometry::Mesh(mesh) = &shape.geometry else { return None };
                 let surface = mesh_surface(mesh, emitter.primitive, barycentric.x, barycentric.y);
+                let surface = SurfacePoint { position: position(&sample), ..surface };
                 Some(LightSample { radiance: self.visible_emission(shape.material, &surface), ..sample })
             }
             Found::Sphere(emitter, outward, sample) => {
                 let (_, shape) = self.shape(emitter.instance, emitter.shape);
-                let surface = sphere_surface(outward);
+                let surface = SurfacePoint { position: position(&sample), ..sphere_surface(outward) };
                 Some(LightSample { radiance: self.visible_emission(shape.material, &surface), ..sample })
             }
         }

@@ -15,12 +15,31 @@ pub struct SurfacePoint {
     pub uv: [Vec2; 2],
     /// Linear vertex colour with alpha; 1 where the mesh has none.
     pub color: Vec4,
+    /// Where it is in the world.
+    pub position: Vec3,
+    /// How much of the surface around it the look-up stands for.
+    pub footprint: Footprint,
 }
 
 impl Default for SurfacePoint {
     fn default() -> Self {
-        Self { uv: [Vec2::ZERO; 2], color: Vec4::ONE }
+        Self { uv: [Vec2::ZERO; 2], color: Vec4::ONE, position: Vec3::ZERO, footprint: Footprint::POINT }
     }
+}
+
+/// The ellipse on the surface that a look-up stands for, given by two half axes. Where it is not known it is a
+/// point, which costs noise and never gives a wrong mean.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Footprint {
+    /// Its half axes in the world, in the tangent plane.
+    pub axes: [Vec3; 2],
+    /// What the sets of texture coordinates change by along each of them: `uv[set][axis]`.
+    pub uv: [[Vec2; 2]; 2],
+}
+
+impl Footprint {
+    /// Nothing but the point itself.
+    pub const POINT: Self = Self { axes: [Vec3::ZERO; 2], uv: [[Vec2::ZERO; 2]; 2] };
 }
 
 /// The sRGB curve (IEC 61966-2-1) for all 8-bit values.
@@ -230,7 +249,7 @@ mod tests {
     fn the_transform_and_the_uv_set_apply() {
         let mut t = numbers(Wrap::Repeat, TexelFilter::Nearest);
         t.mapping = Mapping::Uv { set: 1, transform: Affine2::from_translation(Vec2::new(0.5, 0.0)) };
-        let point = SurfacePoint { uv: [Vec2::splat(9.9), Vec2::splat(0.25)], color: Vec4::ONE };
+        let point = SurfacePoint { uv: [Vec2::splat(9.9), Vec2::splat(0.25)], ..SurfacePoint::default() };
         assert_eq!(t.lookup(&point).x, 1.0);
     }
 

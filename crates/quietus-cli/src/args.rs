@@ -17,6 +17,7 @@ Examples:
   quietus render helmet.gltf --env studio.hdr --size 1920x1080
   quietus render scene.glb --camera Hero --target-error 0.0005 --max-samples 16384
   quietus render scene.glb --size 1920x1080 --crop 800,400,1100,600 --time 90s
+  quietus render fox.glb --animation Walk --frames 0-47 -o fox.####.exr
   quietus render --sampling free-running --tree tree.svg --stats stats.json";
 
 /// A path tracer that puts samples where the noise is.
@@ -71,6 +72,29 @@ pub(crate) struct RenderArgs {
     /// Light the scene with this lat-long map (.hdr, .exr) instead of its own surroundings.
     #[arg(long, value_name = "FILE")]
     pub env: Option<PathBuf>,
+
+    /// Draw frame N of an animation: the moment N / FPS seconds after its beginning.
+    #[arg(long, value_name = "N", help_heading = "Animation", conflicts_with = "frames")]
+    pub frame: Option<u32>,
+
+    /// Draw the frames A to B, one picture each. `####` in the names of outputs becomes the frame's number; without
+    /// it the number goes before the extension.
+    #[arg(long, value_name = "A-B", help_heading = "Animation", value_parser = parse_frames)]
+    pub frames: Option<[u32; 2]>,
+
+    /// Frames per second. [default: 24]
+    #[arg(long, value_name = "FPS", help_heading = "Animation", value_parser = parse_fps)]
+    pub fps: Option<f64>,
+
+    /// Share of a frame's time, from 0 to 1, for which the shutter is open: what moves is blurred. It opens at the
+    /// frame's own time. [default: 0.5]
+    #[arg(long, value_name = "SHARE", help_heading = "Animation", allow_negative_numbers = true)]
+    #[arg(value_parser = parse_share)]
+    pub shutter: Option<f64>,
+
+    /// Which of the file's animations, by name or by number from 0. [default: the first]
+    #[arg(long, value_name = "NAME|N", help_heading = "Animation")]
+    pub animation: Option<String>,
 
     /// How samples are spread over the picture. Default: quietus, or uniform when --spp is given.
     #[arg(long, value_enum)]
@@ -207,6 +231,26 @@ fn parse_window(text: &str) -> Result<Window, String> {
     match numbers.as_deref() {
         Some(&[x0, y0, x1, y1]) => Ok(Window { x0, y0, x1, y1 }),
         _ => Err("expected four whole numbers x0,y0,x1,y1, such as 100,50,300,200".to_owned()),
+    }
+}
+
+fn parse_frames(text: &str) -> Result<[u32; 2], String> {
+    let frames = text.split_once('-').and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
+    let sound = frames.filter(|[first, last]| first <= last);
+    sound.ok_or_else(|| "expected the first and the last frame, such as 1-48".to_owned())
+}
+
+fn parse_fps(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(fps) if (1e-3..=1e6).contains(&fps) => Ok(fps),
+        _ => Err("expected frames per second, such as 24 or 29.97".to_owned()),
+    }
+}
+
+fn parse_share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("expected a number from 0 to 1, such as 0.5".to_owned()),
     }
 }
 

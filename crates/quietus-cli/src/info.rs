@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use quietus_film::{ExrInfo, OutputError, read_exr_info};
+use quietus_scene::{Animation, SceneFile};
 
 use crate::error::Failure;
 
@@ -17,8 +18,12 @@ pub(crate) fn describe(file: &Path) -> Result<String, Failure> {
         let info = read_exr_info(file).map_err(|error: OutputError| Failure::input(error.to_string()))?;
         return Ok(describe_exr(&info));
     }
-    let loaded = quietus_scene::load(file)?;
+    let file = SceneFile::open(file)?;
+    let loaded = file.still()?;
     let mut text = quietus_scene::summary(&loaded.scene).to_string();
+    for (index, Animation { name, seconds }) in file.animations().iter().enumerate() {
+        text.push_str(&format!("\nanimation {index}  {name}, {seconds:.3} s"));
+    }
     for warning in &loaded.warnings {
         text.push_str(&format!("\nwarning: {warning}"));
     }

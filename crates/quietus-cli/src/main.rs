@@ -10,6 +10,8 @@ mod progress_bar;
 mod render;
 mod report;
 mod say;
+mod source;
+mod timeline;
 
 use std::process::ExitCode;
 

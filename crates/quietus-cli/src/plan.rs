@@ -11,6 +11,7 @@ use quietus_trace::filter::Filter;
 
 use crate::args::{ChecksArg, FilterArg, RebuildArg, RenderArgs, SamplingArg};
 use crate::error::Failure;
+use crate::timeline::Timeline;
 
 /// Region error of a presentable picture; what is left of the noise is that of a good preview.
 const TARGET_ERROR: f64 = 0.001;
@@ -40,6 +41,8 @@ pub(crate) struct Plan {
     pub outputs: Vec<(PathBuf, OutputFormat)>,
     /// Threads that render.
     pub threads: NonZeroUsize,
+    /// Frames to draw; `None` for one picture of the scene as it is stored.
+    pub timeline: Option<Timeline>,
 }
 
 impl Plan {
@@ -53,13 +56,22 @@ impl Plan {
         if args.tree.is_some() && !sampling.has_tree() {
             return Err(Failure::usage("--tree needs a tree: --sampling quietus, talk or free-running"));
         }
-        let outputs = outputs(args)?;
+        let timeline = Timeline::new(args)?;
+        let outputs = outputs(args, timeline.as_ref())?;
         let threads = match args.threads {
             Some(threads) => threads,
             None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
         };
         let target_error = args.target_error.unwrap_or(TARGET_ERROR);
-        Ok(Self { sampling, target_error, min_samples, max_samples, outputs, threads })
+        Ok(Self { sampling, target_error, min_samples, max_samples, outputs, threads, timeline })
+    }
+
+    /// Where an output called `path` goes for `frame`.
+    pub(crate) fn name(&self, path: &Path, frame: Option<u32>) -> PathBuf {
+        match (&self.timeline, frame) {
+            (Some(timeline), Some(frame)) => timeline.name(path, frame),
+            _ => path.to_owned(),
+        }
     }
 
     /// The settings for a picture through `camera`.
@@ -158,7 +170,7 @@ fn sample_limits(args: &RenderArgs, sampling: Sampling) -> Result<(u32, u32), Fa
     Ok((min, max))
 }
 
-fn outputs(args: &RenderArgs) -> Result<Vec<(PathBuf, OutputFormat)>, Failure> {
+fn outputs(args: &RenderArgs, timeline: Option<&Timeline>) -> Result<Vec<(PathBuf, OutputFormat)>, Failure> {
     let outputs = args.output.iter().map(|path| Ok((path.clone(), OutputFormat::of(path)?)));
     let outputs = outputs.collect::<Result<Vec<_>, Failure>>()?;
     let mut all: Vec<&Path> = outputs.iter().map(|(path, _)| path.as_path()).collect();
@@ -166,6 +178,9 @@ fn outputs(args: &RenderArgs) -> Result<Vec<(PathBuf, OutputFormat)>, Failure> {
     all.extend(args.tree.as_deref());
     let mut places = Vec::new();
     for path in all {
+        // Frames differ by their numbers: what holds for the first one holds for all.
+        let first = timeline.and_then(|timeline| Some(timeline.name(path, timeline.frames().next()?)));
+        let path = &first.unwrap_or_else(|| path.to_owned());
         check_writable(path)?;
         let place = place(path);
         if places.contains(&place) {

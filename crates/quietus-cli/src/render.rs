@@ -9,7 +9,6 @@ use quietus_render::{
     Control, Fault, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, render,
     shown_error,
 };
-use quietus_scene::Loaded;
 use quietus_trace::desc::{Camera, SceneDesc};
 use quietus_trace::scene::Scene;
 use quietus_trace::view::View;
@@ -21,8 +20,9 @@ use crate::plan::{Plan, filter};
 use crate::progress_bar::{Bar, Measure};
 use crate::report::{Settings, name, write_stats};
 use crate::say;
+use crate::source::{Source, scene_name};
 
-/// Everything a render needs, loaded and checked.
+/// Everything a picture needs, loaded and checked.
 struct Ready {
     scene: Scene,
     view: View,
@@ -37,47 +37,62 @@ struct Ready {
 /// Anything that keeps a picture from being drawn and written.
 pub(crate) fn run(args: &RenderArgs) -> Result<Ending, Failure> {
     let plan = Plan::new(args)?;
-    let ready = prepare(args, &plan)?;
+    let start = Instant::now();
+    let mut source = Source::open(args, plan.timeline.as_ref())?;
     let cancel = interrupt::watch()?;
-    let rendered = draw(args, &ready, &cancel)?;
+    let Some(timeline) = &plan.timeline else {
+        let ready = prepare(args, &plan, &mut source, None, start)?;
+        return picture(args, &plan, &ready, None, &cancel);
+    };
+    let mut start = Some(start);
+    for frame in timeline.frames() {
+        let start = start.take().unwrap_or_else(Instant::now);
+        let ready = prepare(args, &plan, &mut source, Some(frame), start)?;
+        if picture(args, &plan, &ready, Some(frame), &cancel)? == Ending::Interrupted {
+            return Ok(Ending::Interrupted);
+        }
+    }
+    Ok(Ending::Success)
+}
+
+/// Draws one picture and writes it.
+fn picture(
+    args: &RenderArgs,
+    plan: &Plan,
+    ready: &Ready,
+    frame: Option<u32>,
+    cancel: &AtomicBool,
+) -> Result<Ending, Failure> {
+    let rendered = draw(args, ready, frame, cancel)?;
     warn_of_rejected(&rendered.film.rejected(), args.seed);
-    write(args, &plan, &ready, &rendered)?;
-    say::result(summary(&plan, &rendered));
+    write(args, plan, ready, frame, &rendered)?;
+    say::result(summary(plan, frame, &rendered));
     Ok(match rendered.stopped_by {
         StoppedBy::Cancelled => Ending::Interrupted,
         StoppedBy::Done | StoppedBy::TimeLimit => Ending::Success,
     })
 }
 
-fn prepare(args: &RenderArgs, plan: &Plan) -> Result<Ready, Failure> {
-    let start = Instant::now();
-    let desc = load(args)?;
+/// Makes the scene of `frame` ready, whose loading began at `start`.
+fn prepare(
+    args: &RenderArgs,
+    plan: &Plan,
+    source: &mut Source,
+    frame: Option<u32>,
+    start: Instant,
+) -> Result<Ready, Failure> {
+    let moment = plan.timeline.as_ref().zip(frame);
+    let desc = source.scene(moment.map(|(timeline, frame)| timeline.shutter(frame)))?;
     let camera = pick_camera(&desc, args.camera.as_deref())?;
     let settings = plan.settings(args, camera)?;
     let view = View::new(camera, settings.frame, filter(args.filter), args.max_depth, args.seed)
         .map_err(|error| Failure::input(format!("{}: {error}", scene_name(args))))?;
-    let report = Settings::new(args, &settings, &camera.name);
+    let animation = source.animation_name().unwrap_or_default();
+    let report = Settings::new(args, &settings, &camera.name)
+        .with_moment(moment.map(|(timeline, frame)| (timeline, frame, animation)));
     let scene =
         Scene::build(&desc).map_err(|error| Failure::input(format!("{}: {error}", scene_name(args))))?;
     Ok(Ready { scene, view, settings, report, load_seconds: start.elapsed().as_secs_f64() })
-}
-
-fn scene_name(args: &RenderArgs) -> String {
-    args.scene.as_ref().map_or_else(|| "built-in scene".to_owned(), |path| path.display().to_string())
-}
-
-fn load(args: &RenderArgs) -> Result<SceneDesc, Failure> {
-    let mut loaded = match &args.scene {
-        None => Loaded { scene: quietus_scene::embedded(), warnings: Vec::new() },
-        Some(path) => quietus_scene::load(path)?,
-    };
-    if let Some(path) = &args.env {
-        loaded.surround(quietus_scene::load_environment(path)?);
-    }
-    for warning in &loaded.warnings {
-        say::aside(format_args!("warning: {}: {warning}", scene_name(args)));
-    }
-    Ok(loaded.scene)
 }
 
 fn pick_camera<'a>(scene: &'a SceneDesc, name: Option<&str>) -> Result<&'a Camera, Failure> {
@@ -92,7 +107,12 @@ fn pick_camera<'a>(scene: &'a SceneDesc, name: Option<&str>) -> Result<&'a Camer
     })
 }
 
-fn draw(args: &RenderArgs, ready: &Ready, cancel: &AtomicBool) -> Result<Rendered, Failure> {
+fn draw(
+    args: &RenderArgs,
+    ready: &Ready,
+    frame: Option<u32>,
+    cancel: &AtomicBool,
+) -> Result<Rendered, Failure> {
     let tracer = PathTracer { scene: &ready.scene, view: &ready.view };
     let settings = &ready.settings;
     let bar = Bar::new(measure(settings));
@@ -100,7 +120,7 @@ fn draw(args: &RenderArgs, ready: &Ready, cancel: &AtomicBool) -> Result<Rendere
     let outcome = render(&tracer, settings, &mut Control { cancel, progress: &mut progress });
     bar.clear();
     outcome.map_err(|error| match error {
-        RenderError::Panicked(fault) => Failure::internal(fault_message(args, settings, &fault)),
+        RenderError::Panicked(fault) => Failure::internal(fault_message(args, settings, frame, &fault)),
         other => other.into(),
     })
 }
@@ -118,7 +138,7 @@ fn measure(settings: &RenderSettings) -> Measure {
 
 /// Names the sample that panicked, and the command that draws its pixel alone up to that sample. Replicates take
 /// turns, so sample i of any of R replicates is drawn once the pixel has R (i + 1) samples.
-fn fault_message(args: &RenderArgs, settings: &RenderSettings, fault: &Fault) -> String {
+fn fault_message(args: &RenderArgs, settings: &RenderSettings, frame: Option<u32>, fault: &Fault) -> String {
     let Fault { x, y, replicate, index, message } = fault;
     let mut command = vec!["quietus render".to_owned()];
     let mut flag = |name: &str, value: String| command.push(format!("{name}{}", quoted(&value)));
@@ -130,6 +150,12 @@ fn fault_message(args: &RenderArgs, settings: &RenderSettings, fault: &Fault) ->
     }
     if let Some(env) = &args.env {
         flag("--env ", env.display().to_string());
+    }
+    if let Some(frame) = frame {
+        flag("--frame ", frame.to_string());
+        args.fps.iter().for_each(|fps| flag("--fps ", fps.to_string()));
+        args.shutter.iter().for_each(|shutter| flag("--shutter ", shutter.to_string()));
+        args.animation.iter().for_each(|animation| flag("--animation ", animation.clone()));
     }
     flag("--size ", format!("{}x{}", settings.frame[0], settings.frame[1]));
     flag("--crop ", format!("{x},{y},{},{}", x + 1, y + 1));
@@ -170,30 +196,37 @@ fn warn_of_rejected(rejected: &RejectedSamples, seed: u64) {
     }
 }
 
-fn write(args: &RenderArgs, plan: &Plan, ready: &Ready, rendered: &Rendered) -> Result<(), Failure> {
+fn write(
+    args: &RenderArgs,
+    plan: &Plan,
+    ready: &Ready,
+    frame: Option<u32>,
+    rendered: &Rendered,
+) -> Result<(), Failure> {
     let picture = rendered.film.picture(shown_error);
     let metadata = ready.report.metadata();
     for (path, format) in &plan.outputs {
+        let path = plan.name(path, frame);
         match format {
-            OutputFormat::Exr => write_exr(path, &picture, &metadata)?,
-            OutputFormat::Png => write_png(path, &picture)?,
+            OutputFormat::Exr => write_exr(&path, &picture, &metadata)?,
+            OutputFormat::Png => write_png(&path, &picture)?,
         }
     }
-    if let Some(path) = &args.tree {
+    if let Some(path) = args.tree.as_deref().map(|path| plan.name(path, frame)) {
         let svg = rendered.sampling.tree_svg();
-        write_atomically(path, |writer| {
+        write_atomically(&path, |writer| {
             let failed = |source| OutputError::Write { path: path.clone(), source };
             writer.write_all(svg.as_bytes()).map_err(failed)
         })?;
     }
-    if let Some(path) = &args.stats {
-        write_stats(path, &ready.report, ready.load_seconds, rendered)?;
+    if let Some(path) = args.stats.as_deref().map(|path| plan.name(path, frame)) {
+        write_stats(&path, &ready.report, ready.load_seconds, rendered)?;
     }
     Ok(())
 }
 
 /// The last words: how far it came, and where the pictures are.
-fn summary(plan: &Plan, rendered: &Rendered) -> String {
+fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered) -> String {
     let statistics = &rendered.statistics;
     let ending = match rendered.stopped_by {
         StoppedBy::Done => "done",
@@ -204,15 +237,17 @@ fn summary(plan: &Plan, rendered: &Rendered) -> String {
         Sampling::Uniform => String::new(),
         _ => format!("{:.1} % converged, ", 100.0 * statistics.converged_fraction),
     };
+    let frame_name = frame.map_or_else(String::new, |frame| format!("frame {frame} "));
     let mut text = format!(
-        "{ending}: {converged}{:.1} samples per pixel (at most {}), {:.1} s, {:.2} M samples/s",
+        "{frame_name}{ending}: {converged}{:.1} samples per pixel (at most {}), {:.1} s, {:.2} M samples/s",
         statistics.per_pixel.spp_mean,
         statistics.per_pixel.spp_max,
         statistics.wall_seconds,
         statistics.samples as f64 / statistics.wall_seconds.max(1e-9) / 1e6,
     );
     for (path, _) in &plan.outputs {
-        let shown = std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
+        let path = plan.name(path, frame);
+        let shown = std::fs::canonicalize(&path).unwrap_or(path);
         text.push_str(&format!("\nwrote {}", shown.display()));
     }
     text
@@ -253,7 +288,7 @@ mod tests {
         let camera = quietus_scene::embedded().cameras.remove(0);
         let settings = Plan::new(&args).unwrap().settings(&args, &camera).unwrap();
         let fault = Fault { x: 7, y: 9, replicate: 1, index: 20, message: "oh".to_owned() };
-        let message = fault_message(&args, &settings, &fault);
+        let message = fault_message(&args, &settings, None, &fault);
         let expected = "the tracer panicked at pixel (7, 9), replicate 1, sample 20, seed 42: oh\n\
                         this draws the pixel alone: quietus render 'my scene.glb' --size 640x360 --crop 7,9,8,10 \
                         --spp 42 --max-depth 5 --filter box --seed 42 --threads 1 -o replay.exr";
@@ -269,11 +304,15 @@ mod tests {
         let args = parse(&["quietus", "render", "--size", "24x16", "--seed", "3", "--camera", "main"]);
         let (plan, fault) =
             (Plan::new(&args).unwrap(), Fault { x: 7, y: 9, replicate: 1, index: 20, message: "oh".into() });
-        let ready = prepare(&args, &plan).unwrap();
-        let message = fault_message(&args, &ready.settings, &fault);
+        let prepared = |args: &RenderArgs, plan: &Plan| {
+            let mut source = Source::open(args, None).unwrap();
+            prepare(args, plan, &mut source, None, Instant::now()).unwrap()
+        };
+        let ready = prepared(&args, &plan);
+        let message = fault_message(&args, &ready.settings, None, &fault);
         let replay = parse(&message.rsplit(": ").next().unwrap().split(' ').collect::<Vec<_>>());
-        let ready = prepare(&replay, &Plan::new(&replay).unwrap()).unwrap();
-        let rendered = draw(&replay, &ready, &AtomicBool::new(false)).unwrap();
+        let ready = prepared(&replay, &Plan::new(&replay).unwrap());
+        let rendered = draw(&replay, &ready, None, &AtomicBool::new(false)).unwrap();
         // Two replicates of 21 samples each: the last one is number 20.
         assert_eq!((rendered.film.sample_counts(), rendered.statistics.samples), (vec![42], 42));
         assert_eq!(ready.settings.window, Window { x0: 7, y0: 9, x1: 8, y1: 10 });

@@ -11,6 +11,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::args::RenderArgs;
+use crate::timeline::Timeline;
 
 /// All settings of a render, defaults filled in.
 #[derive(Serialize, Clone, Debug)]
@@ -18,6 +19,10 @@ pub(crate) struct Settings {
     scene: String,
     camera: String,
     environment: Option<String>,
+    animation: Option<String>,
+    frame: Option<u32>,
+    fps: Option<f64>,
+    shutter: Option<f64>,
     width: u32,
     height: u32,
     crop: [u32; 4],
@@ -46,6 +51,10 @@ impl Settings {
             scene: args.scene.as_deref().map_or_else(|| "built-in".to_owned(), path),
             camera: camera.to_owned(),
             environment: args.env.as_deref().map(path),
+            animation: None,
+            frame: None,
+            fps: None,
+            shutter: None,
             width: settings.frame[0],
             height: settings.frame[1],
             crop: [window.x0, window.y0, window.x1, window.y1],
@@ -69,6 +78,13 @@ impl Settings {
                 Rebuild::SummedArea => "summed-area",
             },
         }
+    }
+
+    /// The same for a frame of the animation that is named.
+    pub(crate) fn with_moment(self, moment: Option<(&Timeline, u32, &str)>) -> Self {
+        let Some((timeline, frame, animation)) = moment else { return self };
+        let (fps, shutter) = (Some(timeline.fps), Some(timeline.shutter));
+        Self { animation: Some(animation.to_owned()), frame: Some(frame), fps, shutter, ..self }
     }
 
     /// Name and value of every setting that is set, and the version.

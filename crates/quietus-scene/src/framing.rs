@@ -3,6 +3,8 @@
 use glam::{Affine3A, Mat3, Vec3};
 use quietus_trace::desc::{Camera, Geometry, SceneDesc};
 
+use crate::summary;
+
 /// Camera space to world for a camera at `eye` that looks at `target`, +y up as far as that goes.
 pub(crate) fn look_at(eye: Vec3, target: Vec3) -> Affine3A {
     let back = (eye - target).normalize();
@@ -11,53 +13,149 @@ pub(crate) fn look_at(eye: Vec3, target: Vec3) -> Affine3A {
     Affine3A::from_mat3_translation(Mat3::from_cols(right, back.cross(right), back), eye)
 }
 
-/// Vertical angle of view of [`frame`]'s cameras: that of a 50 mm lens on 24 mm of film, which draws things
+/// Vertical angle of view of framing cameras: that of a 50 mm lens on 24 mm of film, which draws things
 /// without visible distortion.
 const FRAMING_FOV_Y: f32 = 0.471;
 
-/// Where [`frame`] looks from, best first: a third of the way round and a little from above, which shows a thing's
+/// Where they look from, best first: a third of the way round and a little from above, which shows a thing's
 /// shape; straight from the front, as into a room whose side walls would be in the way.
 const VIEWS: [Vec3; 3] = [Vec3::new(0.5, 0.3, 0.8), Vec3::new(-0.5, 0.3, 0.8), Vec3::Z];
 
 /// Share of the picture's surfaces that may turn their back before a view counts as obstructed.
 const MAX_BACKS: f32 = 0.1;
 
-/// A camera that shows the whole of `scene`, whose world bounds are `bounds`, in a picture at least as wide as high.
-/// Of [`VIEWS`] it takes the first that is not blocked by the backs of surfaces: those of a room seen from outside.
-pub(crate) fn frame(scene: &SceneDesc, bounds: [Vec3; 2]) -> Camera {
-    let triangles = world_triangles(scene);
-    let mut best = (f32::INFINITY, VIEWS[0]);
-    for view in VIEWS {
-        let backs = share_of_backs(&triangles, &look_from(view, bounds));
-        if backs < best.0 {
-            best = (backs, view);
-        }
-        if backs <= MAX_BACKS {
-            break;
-        }
-    }
-    look_from(best.1, bounds)
+/// Shapes of pictures, width over height, that a framing camera may ask for: the first one that a scene fits into
+/// without leaving the top and bottom empty.
+const SHAPES: [f32; 5] = [9.0 / 16.0, 3.0 / 4.0, 1.0, 4.0 / 3.0, 16.0 / 9.0];
+
+/// Keeps the outermost things off the picture's very edge.
+const MARGIN: f32 = 0.95;
+
+/// Looks for a camera that shows the whole of a scene, whatever happens in it.
+pub(crate) struct Framing {
+    /// Near the things, so that differences of their coordinates keep their digits.
+    center: Vec3,
+    /// Shapes of the picture to choose from.
+    shapes: Vec<f32>,
+    /// What was seen along each of [`VIEWS`].
+    views: [View; VIEWS.len()],
+    /// The scene as it was at first, by which views are judged.
+    triangles: Vec<[Vec3; 3]>,
 }
 
-/// A camera in direction `view` of the box `[low, high]`, just far enough away to see its corners.
-fn look_from(view: Vec3, [low, high]: [Vec3; 2]) -> Camera {
-    // Keeps the outermost things off the picture's very edge.
-    const MARGIN: f32 = 0.95;
-    let center = 0.5 * (low + high);
-    let axes = look_at(view, Vec3::ZERO).matrix3;
-    let slope = MARGIN * (0.5 * FRAMING_FOV_Y).tan();
-    let distance = |corner: u32| {
-        let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
-        let p = axes.transpose() * (Vec3::new(pick(0), pick(1), pick(2)) - center);
-        p.z + p.x.abs().max(p.y.abs()) / slope
-    };
-    // Only degenerate boxes are smaller; they get a camera that stands a little off.
-    let least = 1e-6 * center.abs().max_element().max(1.0);
-    let distance = (0..8).map(distance).fold(least, f32::max);
-    Camera {
-        focus_distance: distance,
-        ..Camera::perspective("framing", look_at(center + distance * view.normalize(), center), FRAMING_FOV_Y)
+impl Framing {
+    /// Frames `scene`, in a picture of width over height `shape` or one that suits it.
+    pub(crate) fn new(scene: &SceneDesc, shape: Option<f32>) -> Self {
+        let [low, high] = summary::bounds(scene).unwrap_or([Vec3::NEG_ONE, Vec3::ONE]);
+        let shapes = shape.map_or(SHAPES.to_vec(), |shape| vec![shape]);
+        let views = VIEWS.map(|direction| View::new(direction, shapes.len()));
+        let triangles = world_triangles(scene);
+        let mut framing = Self { center: 0.5 * (low + high), shapes, views, triangles };
+        framing.include(scene);
+        framing
     }
+
+    /// Shows `scene`, too.
+    pub(crate) fn include(&mut self, scene: &SceneDesc) {
+        for instance in &scene.instances {
+            for shape in &scene.objects[instance.object.0 as usize].shapes {
+                let Geometry::Mesh(mesh) = &shape.geometry else { continue };
+                let mut used = vec![false; mesh.positions.len()];
+                mesh.triangles.iter().flatten().for_each(|&i| used[i as usize] = true);
+                for (position, _) in mesh.positions.iter().zip(used).filter(|(_, used)| *used) {
+                    let point = instance.to_world.transform_point3(*position) - self.center;
+                    self.views.iter_mut().for_each(|view| view.include(point, &self.shapes));
+                }
+            }
+        }
+    }
+
+    /// Of [`VIEWS`] the first that is not blocked by the backs of surfaces: those of a room seen from outside.
+    pub(crate) fn camera(&self) -> Camera {
+        let mut best = (f32::INFINITY, self.look_along(&self.views[0]));
+        for view in &self.views {
+            let camera = self.look_along(view);
+            let backs = share_of_backs(&self.triangles, &camera);
+            if backs < best.0 {
+                best = (backs, camera);
+            }
+            if backs <= MAX_BACKS {
+                break;
+            }
+        }
+        best.1
+    }
+
+    /// A camera along `view`, as near as it sees everything, in the first shape in which the height decides how near
+    /// that is.
+    fn look_along(&self, view: &View) -> Camera {
+        let fits = |i: &usize| view.distance_across(*i, self.shapes[*i]) <= view.distance_along();
+        let chosen = (0..self.shapes.len()).find(fits).unwrap_or(self.shapes.len() - 1);
+        let shape = self.shapes[chosen];
+        // Only degenerate scenes are nearer; they get a camera that stands a little off.
+        let least = view.nearest.max(0.0) + 1e-6 * self.center.abs().max_element().max(1.0);
+        let distance = view.distance_across(chosen, shape).max(view.distance_along()).max(least);
+        let [left, right] = view.across[chosen];
+        let [bottom, top] = view.along;
+        let eye = Vec3::new(0.5 * (right - left), 0.5 * (top - bottom), distance);
+        let to_world = Affine3A::from_mat3_translation(view.axes, self.center + view.axes * eye);
+        Camera {
+            aspect: Some(shape),
+            focus_distance: distance,
+            ..Camera::perspective("framing", to_world, FRAMING_FOV_Y)
+        }
+    }
+}
+
+/// What is to be seen along one direction, in axes of a camera: x to the right, y up, and z towards the viewer.
+///
+/// A camera at e sees the point p between the sides of a picture that widens by s per unit of depth where
+/// `|p.x - e.x| <= s (e.z - p.z)`. All points are seen from `e.z >= (r + l) / 2s` on, at `e.x = (r - l) / 2`, where
+/// r and l are the largest `p.x + s p.z` and `-p.x + s p.z`.
+struct View {
+    /// Its axes in the world.
+    axes: Mat3,
+    /// l and r for each shape.
+    across: Vec<[f32; 2]>,
+    /// The same downwards and upwards.
+    along: [f32; 2],
+    /// Largest z.
+    nearest: f32,
+}
+
+impl View {
+    fn new(direction: Vec3, shapes: usize) -> Self {
+        let axes = look_at(direction, Vec3::ZERO).matrix3.into();
+        let none = [f32::NEG_INFINITY; 2];
+        Self { axes, across: vec![none; shapes], along: none, nearest: f32::NEG_INFINITY }
+    }
+
+    fn include(&mut self, point: Vec3, shapes: &[f32]) {
+        let p = self.axes.transpose() * point;
+        for (sides, shape) in self.across.iter_mut().zip(shapes) {
+            let depth = shape * slope() * p.z;
+            *sides = [sides[0].max(depth - p.x), sides[1].max(depth + p.x)];
+        }
+        let depth = slope() * p.z;
+        self.along = [self.along[0].max(depth - p.y), self.along[1].max(depth + p.y)];
+        self.nearest = self.nearest.max(p.z);
+    }
+
+    /// Least distance at which nothing is cut off left and right, in a picture of the shape `chosen`.
+    fn distance_across(&self, chosen: usize, shape: f32) -> f32 {
+        let [left, right] = self.across[chosen];
+        0.5 * (left + right) / (shape * slope())
+    }
+
+    /// Least distance at which nothing is cut off above and below.
+    fn distance_along(&self) -> f32 {
+        0.5 * (self.along[0] + self.along[1]) / slope()
+    }
+}
+
+/// How much of the height, from the middle, is seen per unit of depth.
+fn slope() -> f32 {
+    MARGIN * (0.5 * FRAMING_FOV_Y).tan()
 }
 
 /// The corners of every placed triangle, counter-clockwise seen from its front.
@@ -82,11 +180,12 @@ fn world_triangles(scene: &SceneDesc) -> Vec<[Vec3; 3]> {
 fn share_of_backs(triangles: &[[Vec3; 3]], camera: &Camera) -> f32 {
     const GRID: u16 = 8;
     let slope = (0.5 * FRAMING_FOV_Y).tan();
+    let shape = camera.aspect.unwrap_or(1.0);
     let origin = Vec3::from(camera.to_world.translation);
     let (mut hits, mut backs) = (0_u16, 0_u16);
     for cell in 0..GRID * GRID {
         let place = |i: u16| slope * ((f32::from(i) + 0.5) / (0.5 * f32::from(GRID)) - 1.0);
-        let direction = Vec3::new(place(cell % GRID), place(cell / GRID), -1.0);
+        let direction = Vec3::new(shape * place(cell % GRID), place(cell / GRID), -1.0);
         let direction = camera.to_world.transform_vector3(direction);
         let seen = triangles.iter().filter_map(|triangle| intersect(triangle, origin, direction));
         if let Some((_, front)) = seen.min_by(|a, b| a.0.total_cmp(&b.0)) {

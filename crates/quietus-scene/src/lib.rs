@@ -11,6 +11,7 @@ mod file;
 mod framing;
 mod gltf;
 mod image;
+mod scene_file;
 mod summary;
 
 use std::path::Path;
@@ -20,6 +21,7 @@ use quietus_trace::desc::{Environment, SceneDesc};
 pub use embedded::embedded;
 pub use environment::load_environment;
 pub use error::{ErrorKind, SceneError, Warning};
+pub use scene_file::{Animation, SceneFile};
 pub use summary::{Summary, summary};
 
 /// A scene as read from a file.
@@ -40,7 +42,8 @@ impl Loaded {
     }
 }
 
-/// Reads the glTF 2.0 file (`.gltf` or `.glb`, told apart by content) at `path` and everything it refers to.
+/// Reads the glTF 2.0 file (`.gltf` or `.glb`, told apart by content) at `path` and everything it refers to, in the
+/// pose in which it is stored: [`SceneFile`] gives moments of its animations.
 ///
 /// A scene without camera gets one that frames it, and one with neither lights nor emitters gets a plain sky;
 /// both are said in the warnings.
@@ -48,7 +51,7 @@ impl Loaded {
 /// # Errors
 /// Where a file is missing, cannot be read, is malformed or contradictory, or requires what is not supported.
 pub fn load(path: &Path) -> Result<Loaded, SceneError> {
-    gltf::load(path)
+    SceneFile::open(path)?.still()
 }
 
 /// As [`load`], with the file's content already in memory: `path` is for messages, and to find the buffers and
@@ -57,5 +60,5 @@ pub fn load(path: &Path) -> Result<Loaded, SceneError> {
 /// # Errors
 /// As [`load`].
 pub fn load_bytes(path: &Path, bytes: &[u8]) -> Result<Loaded, SceneError> {
-    gltf::load_bytes(path, bytes)
+    SceneFile::open_bytes(path, bytes)?.still()
 }

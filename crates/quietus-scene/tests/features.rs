@@ -81,12 +81,9 @@ fn a_plain_triangle() {
 fn the_added_camera_sees_every_corner() {
     let loaded = read_ok(&triangle());
     let camera = &loaded.scene.cameras[0];
-    for corner in &mesh(&loaded.scene).positions {
-        let seen = camera.to_world.inverse().transform_point3(*corner);
-        assert!(seen.z < 0.0, "in front of the camera");
-        let slope = (0.5 * fov(camera)).tan();
-        assert!(seen.truncate().abs().max_element() < -seen.z * slope, "{seen} is outside of the picture");
-    }
+    let outermost = common::outermost(camera, mesh(&loaded.scene).positions.iter().copied());
+    // As near as the margin allows.
+    assert!((outermost - 0.95).abs() < 1e-4, "{outermost}");
 }
 
 /// The added camera goes where it sees fronts.
@@ -411,21 +408,6 @@ fn pictures_from_buffer_views_of_a_binary_file() {
     }
     let scene = quietus_scene::load_bytes("test.glb".as_ref(), &glb).expect("a sound file").scene;
     assert_eq!(image_texture(&scene, 0).image.width, 2);
-}
-
-#[test]
-fn skins_stand_in_their_bind_pose() {
-    let mut document = triangle();
-    let mut inverse = glam::Mat4::from_translation(Vec3::new(0., -1., 0.)).to_cols_array();
-    inverse[0] = 2.0;
-    let fields = json!({"componentType": 5126, "count": 1, "type": "MAT4"});
-    let inverse = add_accessor(&mut document, &floats(&inverse), fields);
-    document["skins"] = json!([{"joints": [1], "inverseBindMatrices": inverse}]);
-    document["nodes"] = json!([{"mesh": 0, "skin": 0, "translation": [9, 9, 9]}, {"translation": [0, 5, 0]}]);
-    document["scenes"][0]["nodes"] = json!([0, 1]);
-    let to_world = read_ok(&document).scene.instances[0].to_world;
-    assert_eq!(to_world.transform_point3(Vec3::X), Vec3::new(2., 4., 0.));
-    warns(&document, "bind pose");
 }
 
 #[test]

@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 
 use common::shared;
-use quietus_scene::{ErrorKind, load, load_bytes, load_environment, summary};
+use quietus_scene::{ErrorKind, SceneFile, load, load_bytes, load_environment, summary};
 use quietus_trace::desc::{Alpha, Surface, Texels, Texture};
 
 #[test]
@@ -43,13 +43,17 @@ fn cornell_box() {
 #[test]
 fn fox_and_morph_targets() {
     let Some(path) = shared("animated-fox/Fox.glb") else { return };
-    let fox = load(&path).expect("a sound file");
-    assert_eq!(summary(&fox.scene).triangles, 576);
-    assert!(fox.warnings.iter().any(|warning| warning.message.contains("skins")));
+    let fox = SceneFile::open(&path).expect("a sound file");
+    let clips: Vec<_> = fox.animations().iter().map(|clip| clip.name.as_str()).collect();
+    assert_eq!(clips, ["Survey", "Walk", "Run"]);
+    let frame = fox.animated(1, [0.25, 0.27]).expect("a sound file");
+    assert_eq!(summary(&frame.scene).triangles, 576);
+    assert_eq!(frame.warnings.len(), 2, "only camera and sky are missing: {:?}", frame.warnings);
     let Some(path) = shared("animated-fox/MorphStressTest.gltf") else { return };
-    let morph = load(&path).expect("a sound file");
-    assert_eq!(summary(&morph.scene).triangles, 2412);
-    assert!(morph.warnings.iter().any(|warning| warning.message.contains("morph")));
+    let morph = SceneFile::open(&path).expect("a sound file");
+    let frame = morph.animated(2, [0.5, 0.5]).expect("a sound file");
+    assert_eq!(summary(&frame.scene).triangles, 2412);
+    assert_eq!(frame.warnings.len(), 2, "only camera and sky are missing: {:?}", frame.warnings);
 }
 
 #[test]

@@ -152,6 +152,23 @@ impl Document<'_> {
         Ok(self.get(&self.root.accessors, index, "accessors", place)?.count)
     }
 
+    /// Refuses accessor `index`, referred to from `place`, unless its components have one of the types `codes`.
+    pub(super) fn expect_components(
+        &self,
+        index: usize,
+        place: &str,
+        codes: &[u32],
+    ) -> Result<(), SceneError> {
+        let code = self.accessor(index, place)?.0.component_type;
+        if codes.contains(&code) {
+            return Ok(());
+        }
+        let wanted: Vec<_> = codes.iter().map(u32::to_string).collect();
+        let message =
+            format!("accessors[{index}] has componentType {code}, expected {}", wanted.join(" or "));
+        Err(self.invalid(place, message))
+    }
+
     fn accessor(&self, index: usize, place: &str) -> Result<(&Accessor, Component), SceneError> {
         let accessor = self.get(&self.root.accessors, index, "accessors", place)?;
         let component = Component::from_code(accessor.component_type).ok_or_else(|| {

@@ -15,7 +15,7 @@ use crate::file;
 
 /// Most memory that vertices and indices of one scene may take when decoded: a small file can refer to the same
 /// bytes many times.
-const MAX_GEOMETRY_BYTES: u64 = 1 << 34;
+pub(super) const MAX_GEOMETRY_BYTES: u64 = 1 << 34;
 
 /// A glTF file and what belongs to it.
 pub(super) struct Document<'a> {
@@ -62,6 +62,16 @@ impl<'a> Document<'a> {
         if !warnings.contains(&warning) {
             warnings.push(warning);
         }
+    }
+
+    /// The file itself, for messages.
+    pub(super) fn file(&self) -> &Path {
+        self.file
+    }
+
+    /// Bytes of decoded geometry counted so far.
+    pub(super) fn geometry_bytes(&self) -> u64 {
+        self.geometry_bytes.get()
     }
 
     pub(super) fn into_warnings(self) -> Vec<Warning> {

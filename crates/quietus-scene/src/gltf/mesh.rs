@@ -1,33 +1,156 @@
-//! Meshes: one object each, one shape per primitive.
+//! Meshes: one figure each, one part per primitive, with all that may bend it.
 
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
-use quietus_trace::desc::{Geometry, Mesh, Object, Shape};
+use quietus_trace::desc::{MaterialId, Mesh};
 
+use super::deform::Target;
 use super::document::Document;
 use super::material::Materials;
-use super::schema::Primitive;
+use super::schema::{self, Primitive};
+use super::skin::Influences;
 use crate::error::SceneError;
 
-/// Mesh `index`, referred to from `place`, as an object; its shapes are the primitives that have triangles.
-pub(super) fn object(
+/// A mesh of the file.
+#[derive(Clone, Debug)]
+pub(super) struct Figure {
+    pub name: String,
+    /// The primitives that have triangles.
+    pub parts: Vec<Part>,
+    /// Weights of its morph targets where nothing else is said.
+    pub weights: Vec<f32>,
+}
+
+/// A primitive.
+#[derive(Clone, Debug)]
+pub(super) struct Part {
+    /// Its rest shape.
+    pub mesh: Arc<Mesh>,
+    pub material: MaterialId,
+    /// Morph targets, as many as the figure has weights.
+    pub targets: Vec<Target>,
+    /// How it hangs on joints; empty where it does not.
+    pub influences: Influences,
+}
+
+/// Reads mesh `index`, referred to from `place`; how it hangs on joints only where it is `skinned`.
+pub(super) fn figure(
     document: &Document<'_>,
     materials: &mut Materials<'_, '_>,
     index: usize,
+    skinned: bool,
     place: &str,
-) -> Result<Object, SceneError> {
+) -> Result<Figure, SceneError> {
     let mesh = document.get(&document.root.meshes, index, "meshes", place)?;
     let own = format!("meshes[{index}]");
-    let mut shapes = Vec::new();
+    let weights = rest_weights(document, mesh, &own)?;
+    let mut parts = Vec::new();
     for (i, primitive) in mesh.primitives.iter().enumerate() {
         let place = format!("{own}.primitives[{i}]");
+        if primitive.targets.len() != weights.len() {
+            let (found, expected) = (primitive.targets.len(), weights.len());
+            let message = format!("has {found} morph targets, expected {expected} as in the first primitive");
+            return Err(document.invalid(&place, message));
+        }
         let Some(mesh) = read_primitive(document, primitive, &place)? else { continue };
+        let (attributes, count) = (&primitive.attributes, mesh.positions.len());
+        let read = Attributes { document, attributes, place: &format!("{place}.attributes"), count };
+        let influences = if skinned { influences(&read)? } else { Influences::default() };
+        let targets = targets(document, primitive, &mesh, &place)?;
         let material = materials.get(primitive.material, &format!("{place}.material"))?;
-        shapes.push(Shape::new(Geometry::Mesh(Arc::new(mesh)), material));
+        parts.push(Part { mesh: Arc::new(mesh), material, targets, influences });
     }
     let name = if mesh.name.is_empty() { own } else { mesh.name.clone() };
-    Ok(Object { name, shapes })
+    Ok(Figure { name, parts, weights })
+}
+
+/// The mesh's own weights, one per target of its first primitive; 0 where it does not say.
+fn rest_weights(document: &Document<'_>, mesh: &schema::Mesh, own: &str) -> Result<Vec<f32>, SceneError> {
+    let count = mesh.primitives.first().map_or(0, |primitive| primitive.targets.len());
+    match mesh.weights.is_empty() {
+        true => Ok(vec![0.0; count]),
+        false => check_weights(document, mesh.weights.clone(), count, own),
+    }
+}
+
+/// `weights`, which stand in `own`, if they are as many as there are targets and finite.
+pub(super) fn check_weights(
+    document: &Document<'_>,
+    weights: Vec<f32>,
+    targets: usize,
+    own: &str,
+) -> Result<Vec<f32>, SceneError> {
+    let place = format!("{own}.weights");
+    if weights.len() != targets {
+        let message = format!("has {} numbers, but the mesh has {targets} morph targets", weights.len());
+        return Err(document.invalid(&place, message));
+    }
+    match weights.iter().all(|weight| weight.is_finite()) {
+        true => Ok(weights),
+        false => Err(document.invalid(&place, "expected finite numbers")),
+    }
+}
+
+fn targets(
+    document: &Document<'_>,
+    primitive: &Primitive,
+    mesh: &Mesh,
+    place: &str,
+) -> Result<Vec<Target>, SceneError> {
+    let targets = primitive.targets.iter().enumerate().map(|(i, attributes)| {
+        let place = format!("{place}.targets[{i}]");
+        let others =
+            attributes.keys().filter(|name| !["POSITION", "NORMAL", "TANGENT"].contains(&name.as_str()));
+        if others.count() > 0 {
+            document.warn(&place, "changes more than positions, normals and tangents: only those are drawn");
+        }
+        let read = Attributes { document, attributes, place: &place, count: mesh.positions.len() };
+        let vectors = |name| read.vectors(name, &["VEC3"], [0.0; 3], Vec3::from_array);
+        // What the mesh itself lacks is not drawn either.
+        Ok(Target {
+            positions: vectors("POSITION")?,
+            normals: if mesh.normals.is_empty() { Vec::new() } else { vectors("NORMAL")? },
+            tangents: if mesh.tangents.is_empty() { Vec::new() } else { vectors("TANGENT")? },
+        })
+    });
+    targets.collect()
+}
+
+/// Reads how the vertices hang on joints, from up to two sets of four.
+fn influences(read: &Attributes<'_, '_>) -> Result<Influences, SceneError> {
+    let document = read.document;
+    let at = |name: &str| format!("{}.{name}", read.place);
+    let mut sets = Vec::new();
+    for set in 0..2 {
+        let (joints, weights) = (format!("JOINTS_{set}"), format!("WEIGHTS_{set}"));
+        let Some(&index) = read.attributes.get(&joints) else { break };
+        document.expect_components(index, &at(&joints), &[5121, 5123])?;
+        let joints = read.vectors(&joints, &["VEC4"], [0.0; 4], |joints| joints)?;
+        let values = read.vectors(&weights, &["VEC4"], [0.0; 4], |weights| weights)?;
+        if values.len() != joints.len() {
+            return Err(document.invalid(read.place, format!("has JOINTS_{set} without {weights}")));
+        }
+        if let Some(vertex) = values.iter().position(|weights| weights.iter().any(|&weight| weight < 0.0)) {
+            let message = format!("element {vertex} is {:?}, expected weights of at least 0", values[vertex]);
+            return Err(document.invalid(&at(&weights), message));
+        }
+        sets.push((joints, values));
+    }
+    if sets.is_empty() {
+        let message = "has no JOINTS_0, but a node hangs it on a skin";
+        return Err(document.invalid(read.place, message));
+    }
+    if read.attributes.contains_key("JOINTS_2") {
+        document.warn(read.place, "has more than two sets of joints: only the first two are drawn");
+    }
+    let (influences, weightless) = Influences::new(&sets);
+    if weightless > 0 {
+        let message =
+            format!("{weightless} vertices have no weight on any joint: they follow their first one");
+        document.warn(read.place, message);
+    }
+    Ok(influences)
 }
 
 /// Reads a primitive; `None`, with a warning, where it has no triangles.
@@ -51,13 +174,11 @@ fn read_primitive(
         document.warn(&format!("{place}.attributes"), "has no POSITION: the primitive is left out");
         return Ok(None);
     };
-    if !primitive.targets.is_empty() {
-        document.warn(place, "morph targets are not supported: the base shape is drawn");
-    }
     let at = |name: &str| format!("{place}.attributes.{name}");
     let positions = document.read_floats(position, &at("POSITION"), &["VEC3"], [0.0; 3])?;
     let count = positions.len();
-    let read = Attributes { document, primitive, place, count };
+    let own = format!("{place}.attributes");
+    let read = Attributes { document, attributes, place: &own, count };
     let mut mesh = Mesh {
         positions: positions.into_iter().map(Vec3::from_array).collect(),
         triangles: triangles(document, primitive, topology, count, place)?,
@@ -82,10 +203,10 @@ fn read_primitive(
     Ok((!mesh.triangles.is_empty()).then_some(mesh))
 }
 
-/// Reads the attributes of one primitive.
+/// Reads attributes of one primitive, or of one of its morph targets.
 struct Attributes<'a, 'f> {
     document: &'a Document<'f>,
-    primitive: &'a Primitive,
+    attributes: &'a schema::Attributes,
     place: &'a str,
     /// Number of vertices.
     count: usize,
@@ -100,8 +221,8 @@ impl Attributes<'_, '_> {
         fill: [f32; N],
         convert: impl Fn([f32; N]) -> T,
     ) -> Result<Vec<T>, SceneError> {
-        let Some(&index) = self.primitive.attributes.get(name) else { return Ok(Vec::new()) };
-        let place = format!("{}.attributes.{name}", self.place);
+        let Some(&index) = self.attributes.get(name) else { return Ok(Vec::new()) };
+        let place = format!("{}.{name}", self.place);
         let count = self.document.accessor_count(index, &place)?;
         if count != self.count as u64 {
             let message = format!("has {count} elements, expected {}, as many as POSITION has", self.count);

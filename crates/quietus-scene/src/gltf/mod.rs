@@ -1,31 +1,39 @@
 //! The reader of glTF 2.0: `container` and `schema` take a file apart, `document` holds it together with its
-//! buffers, `accessor` reads numbers, and `material`, `image`, `mesh` and `graph` turn them into a scene.
+//! buffers, `accessor` reads numbers, and `material`, `image`, `mesh`, `skin`, `hierarchy`, `animation` and `graph`
+//! turn them into a `stage`: all that the file holds, from which the scene at any moment is made by `deform`.
 //!
 //! Units: glTF's lengths are metres; its photometric units are taken one to one as radiometric ones, so that 1 nit
 //! of `emissiveStrength` is a radiance of 1, 1 candela an intensity of 1 per steradian and 1 lux an irradiance of
 //! 1, and lights keep their proportions.
 //!
-//! Left out with a warning: animations, skins and morph targets (the rest pose is drawn), points and lines,
-//! orthographic cameras, the range of lights. Left out without one, because paths make them obsolete: occlusion
+//! Left out with a warning: points and lines, orthographic cameras, the range of lights. Left out without one, because paths make them obsolete: occlusion
 //! textures; because they only steer rasterisers: minification filters, clip planes, back-face culling.
 
 mod accessor;
+mod animation;
 mod container;
+mod deform;
 mod document;
 mod graph;
+mod hierarchy;
 mod image;
+mod keys;
 mod material;
 mod mesh;
 mod schema;
+mod skin;
+mod stage;
 
 use std::path::Path;
 
 use glam::{Mat3, Vec3};
-use quietus_trace::desc::{Environment, EnvironmentLayout, SceneDesc};
+use quietus_trace::desc::{Camera, Environment, EnvironmentLayout, SceneDesc};
 
-use crate::error::SceneError;
-use crate::{Loaded, file, framing, summary};
+use crate::error::{SceneError, Warning};
+use crate::framing::Framing;
+use crate::{Loaded, file, summary};
 use document::Document;
+pub(crate) use stage::{Moment, Stage};
 
 /// Radiance of the sky given to scenes without any light: bluish, and with a mean luminance below 1 so that white
 /// surfaces stay inside of what a picture can show.
@@ -35,37 +43,66 @@ const SKY: Vec3 = Vec3::new(0.72, 0.80, 0.92);
 pub(crate) const PLAIN_SKY: &str =
     "the scene has neither lights nor emitters: a plain sky is added to light it";
 
+/// Moments of an animation, evenly spread, that a camera made up for it looks at: eight per second of a clip of four
+/// seconds, and between two of a fast one little can happen that the margin does not cover.
+const FRAMED_MOMENTS: u16 = 32;
+
 /// Reads the glTF file at `path`.
-pub(crate) fn load(path: &Path) -> Result<Loaded, SceneError> {
-    load_bytes(path, &file::read(path)?)
+pub(crate) fn open(path: &Path) -> Result<Stage, SceneError> {
+    open_bytes(path, &file::read(path)?)
 }
 
 /// Reads a glTF file whose content is `bytes`; `path` is for messages and to find the files beside it.
-pub(crate) fn load_bytes(path: &Path, bytes: &[u8]) -> Result<Loaded, SceneError> {
-    let document = Document::open(path, bytes)?;
-    let mut scene = graph::build(&document)?;
-    complete(&document, &mut scene);
-    Ok(Loaded { scene, warnings: document.into_warnings() })
+pub(crate) fn open_bytes(path: &Path, bytes: &[u8]) -> Result<Stage, SceneError> {
+    graph::read(Document::open(path, bytes)?)
 }
 
-/// Adds what a picture needs and the file lacks.
-fn complete(document: &Document<'_>, scene: &mut SceneDesc) {
+/// The scene at `moment`, with what the file lacks: light, and the camera that `frame` makes.
+pub(crate) fn shoot(
+    stage: &Stage,
+    moment: Moment,
+    frame: impl FnOnce() -> Result<Camera, SceneError>,
+) -> Result<Loaded, SceneError> {
+    let (mut scene, mut warnings) = stage.scene(moment)?;
+    let mut warn = |place: &str, message: &str| {
+        warnings.push(Warning { place: place.to_owned(), message: message.to_owned() });
+    };
     if scene.cameras.is_empty() {
-        let bounds = summary::bounds(scene);
-        if bounds.is_none() {
-            document.warn("scenes", "there is nothing to draw: no triangles are placed in the scene");
+        if scene.instances.is_empty() {
+            warn("scenes", "there is nothing to draw: no triangles are placed in the scene");
         }
-        document.warn("cameras", "the scene has no camera: one that frames it is added");
-        let camera = framing::frame(scene, bounds.unwrap_or([Vec3::NEG_ONE, Vec3::ONE]));
-        scene.cameras.push(camera);
+        warn("cameras", "the scene has no camera: one that frames it is added");
+        scene.cameras.push(frame()?);
     }
+    if scene.lights.is_empty() && !has_emitters(&scene) {
+        warn("", PLAIN_SKY);
+        let (layout, scale, to_world) = (EnvironmentLayout::LatLong, SKY, Mat3::IDENTITY);
+        scene.environment = Some(Environment { image: None, layout, scale, to_world });
+    }
+    Ok(Loaded { scene, warnings })
+}
+
+fn has_emitters(scene: &SceneDesc) -> bool {
     let placed =
         scene.instances.iter().flat_map(|instance| &scene.objects[instance.object.0 as usize].shapes);
-    let emitters = placed.filter(|shape| summary::emits(&scene.materials[shape.material.0 as usize]));
-    if scene.lights.is_empty() && emitters.count() == 0 {
-        document.warn("", PLAIN_SKY);
-        let (scale, to_world) = (SKY, Mat3::IDENTITY);
-        scene.environment =
-            Some(Environment { image: None, layout: EnvironmentLayout::LatLong, scale, to_world });
+    placed.into_iter().any(|shape| summary::emits(&scene.materials[shape.material.0 as usize]))
+}
+
+/// A camera that shows all that happens in the animation `clip`, or the rest pose, in a picture of width over height
+/// `shape`; without one the shape suits what is shown.
+pub(crate) fn frame(stage: &Stage, clip: Option<usize>, shape: Option<f32>) -> Result<Camera, SceneError> {
+    let moments: Vec<_> = match clip {
+        None => vec![Moment::Rest],
+        Some(clip) => {
+            let step = stage.clips[clip].seconds / f32::from(FRAMED_MOMENTS - 1);
+            let at = |i: u16| Moment::Clip { clip, shutter: [f32::from(i) * step; 2] };
+            (0..FRAMED_MOMENTS).map(at).collect()
+        }
+    };
+    let (first, _) = stage.scene(moments[0])?;
+    let mut framing = Framing::new(&first, shape);
+    for &moment in &moments[1..] {
+        framing.include(&stage.scene(moment)?.0);
     }
+    Ok(framing.camera())
 }

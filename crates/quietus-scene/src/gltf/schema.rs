@@ -94,6 +94,7 @@ pub(super) struct Node {
     pub mesh: Option<usize>,
     pub camera: Option<usize>,
     pub skin: Option<usize>,
+    pub weights: Option<Vec<f32>>,
     pub extensions: NodeExtensions,
 }
 
@@ -114,18 +115,23 @@ pub(super) struct Mesh {
     #[serde(default)]
     pub name: String,
     pub primitives: Vec<Primitive>,
+    #[serde(default)]
+    pub weights: Vec<f32>,
 }
 
 #[derive(Debug, Deserialize)]
 pub(super) struct Primitive {
-    pub attributes: BTreeMap<String, usize>,
+    pub attributes: Attributes,
     pub indices: Option<usize>,
     pub material: Option<usize>,
     #[serde(default = "triangles")]
     pub mode: u32,
     #[serde(default)]
-    pub targets: Vec<serde::de::IgnoredAny>,
+    pub targets: Vec<Attributes>,
 }
+
+/// Accessors by the attribute's name.
+pub(super) type Attributes = BTreeMap<String, usize>;
 
 fn triangles() -> u32 {
     4
@@ -325,9 +331,32 @@ pub(super) struct Skin {
     pub joints: Vec<usize>,
 }
 
-/// Animations are not drawn; only whether there are any matters.
 #[derive(Debug, Deserialize)]
-pub(super) struct Animation {}
+pub(super) struct Animation {
+    #[serde(default)]
+    pub name: String,
+    pub channels: Vec<Channel>,
+    pub samplers: Vec<AnimationSampler>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Channel {
+    pub sampler: usize,
+    pub target: ChannelTarget,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct ChannelTarget {
+    pub node: Option<usize>,
+    pub path: String,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct AnimationSampler {
+    pub input: usize,
+    pub output: usize,
+    pub interpolation: Option<String>,
+}
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]

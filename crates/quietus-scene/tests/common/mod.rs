@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use quietus_scene::{Loaded, SceneError};
+use glam::Vec3;
+use quietus_scene::{Loaded, SceneError, SceneFile};
+use quietus_trace::desc::{Camera, FrameAxis, Projection};
 use serde_json::{Value, json};
 
 /// Little-endian bytes of floats.
@@ -55,6 +57,26 @@ pub(crate) fn read(document: &Value) -> Result<Loaded, SceneError> {
 /// Reads `document`, which must be without fault.
 pub(crate) fn read_ok(document: &Value) -> Loaded {
     read(document).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Opens `document`, which must be without fault, to look at its animations.
+pub(crate) fn scene_file(document: &Value) -> SceneFile {
+    let file = SceneFile::open_bytes(Path::new("test.gltf"), document.to_string().as_bytes());
+    file.unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// How far from the middle of the picture of `camera` the outermost of `points` is seen: 1 is the picture's edge.
+pub(crate) fn outermost(camera: &Camera, points: impl Iterator<Item = Vec3>) -> f32 {
+    let Projection::Perspective { fov, axis: FrameAxis::Vertical } = camera.projection else {
+        panic!("glTF has no {:?}", camera.projection)
+    };
+    let (slope, aspect) = ((0.5 * fov).tan(), camera.aspect.expect("a shape"));
+    let seen = points.map(|point| {
+        let seen = camera.to_world.inverse().transform_point3(point);
+        assert!(seen.z < 0.0, "{seen} is behind the camera");
+        (seen.x.abs() / aspect).max(seen.y.abs()) / (slope * -seen.z)
+    });
+    seen.fold(0.0, f32::max)
 }
 
 /// Path of a file among the big scenes beside the repository. Where they are absent the caller skips its test; on

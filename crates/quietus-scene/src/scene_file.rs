@@ -1,0 +1,111 @@
+//! Scene files that stay open, so that every frame of an animation is made from one reading.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use quietus_trace::desc::Camera;
+
+use crate::Loaded;
+use crate::error::{SceneError, Warning};
+use crate::gltf::{self, Moment, Stage};
+
+/// A scene file that was read: pictures, materials and meshes are in memory, and the scene can be asked for as it
+/// stands in the file, or at any moment of its animations.
+#[derive(Debug)]
+pub struct SceneFile {
+    stage: Stage,
+    animations: Vec<Animation>,
+    shape: Option<f32>,
+    /// Cameras made up for the rest pose, and then for each animation.
+    framing: Vec<OnceLock<Camera>>,
+}
+
+/// An animation of a scene file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Animation {
+    /// Its name; where the file gives none, its place in the file.
+    pub name: String,
+    /// How long it is: the time of its last key.
+    pub seconds: f32,
+}
+
+impl SceneFile {
+    /// Reads the file at `path` and everything it refers to, see [`crate::load`].
+    ///
+    /// # Errors
+    /// As [`crate::load`].
+    pub fn open(path: &Path) -> Result<Self, SceneError> {
+        Ok(Self::new(gltf::open(path)?))
+    }
+
+    /// As [`Self::open`], with the file's content already in memory, see [`crate::load_bytes`].
+    ///
+    /// # Errors
+    /// As [`crate::load`].
+    pub fn open_bytes(path: &Path, bytes: &[u8]) -> Result<Self, SceneError> {
+        Ok(Self::new(gltf::open_bytes(path, bytes)?))
+    }
+
+    fn new(stage: Stage) -> Self {
+        let animation = |(name, seconds): (&str, f32)| Animation { name: name.to_owned(), seconds };
+        let animations: Vec<_> = stage.clips().map(animation).collect();
+        let framing = (0..=animations.len()).map(|_| OnceLock::new()).collect();
+        Self { stage, animations, shape: None, framing }
+    }
+
+    /// Width over height of the picture that a camera made up for want of one is to fill. Without it the camera
+    /// chooses, see [`Camera::aspect`].
+    ///
+    /// # Panics
+    /// When `shape` is not a finite number above 0.
+    pub fn set_picture_shape(&mut self, shape: f32) {
+        assert!(shape > 0.0 && shape.is_finite(), "a picture cannot be {shape} times as wide as high");
+        self.shape = Some(shape);
+        self.framing.iter_mut().for_each(|camera| *camera = OnceLock::new());
+    }
+
+    /// The animations, in the order of the file.
+    pub fn animations(&self) -> &[Animation] {
+        &self.animations
+    }
+
+    /// The scene in the pose in which it is stored.
+    ///
+    /// # Errors
+    /// Where the scene contradicts itself, or needs too much memory.
+    pub fn still(&self) -> Result<Loaded, SceneError> {
+        let mut loaded = gltf::shoot(&self.stage, Moment::Rest, || self.frame(None))?;
+        if !self.animations.is_empty() {
+            let message = "the pose stored in the file is drawn, not a moment of its animations";
+            loaded.warnings.push(Warning { place: "animations".to_owned(), message: message.to_owned() });
+        }
+        Ok(loaded)
+    }
+
+    /// The scene while an animation runs: `shutter` says when the shutter opens and when it closes, in seconds from
+    /// the animation's beginning. What moves in between does so in straight lines and shortest arcs; equal times give
+    /// a scene that stands still. Outside of its keys an animation stands as at the nearest one.
+    ///
+    /// A camera that is made up is the same for all moments of an animation, and shows all of them.
+    ///
+    /// # Errors
+    /// Where the scene contradicts itself at that time, or needs too much memory.
+    ///
+    /// # Panics
+    /// When `animation` is not below the number of [`Self::animations`].
+    pub fn animated(&self, animation: usize, shutter: [f32; 2]) -> Result<Loaded, SceneError> {
+        let count = self.animations.len();
+        assert!(animation < count, "animation {animation} of {count}");
+        let moment = Moment::Clip { clip: animation, shutter };
+        gltf::shoot(&self.stage, moment, || self.frame(Some(animation)))
+    }
+
+    fn frame(&self, clip: Option<usize>) -> Result<Camera, SceneError> {
+        let kept = &self.framing[clip.map_or(0, |clip| clip + 1)];
+        if let Some(camera) = kept.get() {
+            return Ok(camera.clone());
+        }
+        let camera = gltf::frame(&self.stage, clip, self.shape)?;
+        Ok(kept.get_or_init(|| camera).clone())
+    }
+}

@@ -13,7 +13,7 @@ use crate::frame::Frame;
 use crate::geometry::offset_ray_origin;
 use crate::interaction::Interaction;
 use crate::isa::Isa;
-use crate::light::{LightSample, Target};
+use crate::light::{LightSample, Receiver, Target};
 use crate::sampler::{Sampler, mix64};
 use crate::scene::Scene;
 use crate::tile::{PixelWork, Sample, TileCounts};
@@ -44,8 +44,8 @@ struct Path<'a, I> {
     direction: Vec3,
     /// In 0..1 of the shutter's time; 0 where nothing moves.
     time: f32,
-    /// The point [`Self::origin`] was moved from: next-event estimation there spoke of this one.
-    vertex: Vec3,
+    /// Whom next-event estimation spoke of where the path last scattered.
+    receiver: Receiver,
     /// Density per steradian of [`Self::direction`]; infinite where nothing else can find it.
     pdf: f32,
     throughput: Vec3,
@@ -81,7 +81,7 @@ pub(crate) fn sample<I: Isa>(
         origin: ray.origin,
         direction: ray.direction,
         time,
-        vertex: ray.origin,
+        receiver: Receiver::medium(ray.origin),
         pdf: f32::INFINITY,
         throughput: Vec3::ONE,
         eta2: 1.0,
@@ -161,7 +161,7 @@ impl<I: Isa> Path<'_, I> {
         let weight = if self.pdf == f32::INFINITY {
             1.0
         } else {
-            power_heuristic(self.pdf, self.scene.lights.pdf_of_environment(self.vertex, self.direction))
+            power_heuristic(self.pdf, self.scene.lights.pdf_of_environment(self.isa, &self.receiver, self.direction))
         };
         self.sample.radiance += self.throughput * radiance * weight;
         if !self.guided {
@@ -189,8 +189,8 @@ impl<I: Isa> Path<'_, I> {
             let weight = if only_way {
                 1.0
             } else {
-                let distance = surface.position.distance(self.vertex);
-                let light_pdf = self.scene.light_pdf(hit, self.vertex, self.direction, distance);
+                let distance = surface.position.distance(self.receiver.position);
+                let light_pdf = self.scene.light_pdf(self.isa, hit, &self.receiver, self.direction, distance);
                 power_heuristic(self.pdf, light_pdf)
             };
             self.sample.radiance += self.throughput * radiance * weight;
@@ -232,7 +232,9 @@ impl<I: Isa> Path<'_, I> {
         if bsdf.is_delta() {
             return false;
         }
-        let Some(light) = self.scene.sample_light(surface.position, u_light, u) else { return false };
+        let toward = if self.direction.dot(frame.normal) > 0.0 { -frame.normal } else { frame.normal };
+        self.receiver = Receiver::surface(surface.position, toward, !bsdf.reflects_only());
+        let Some(light) = self.scene.sample_light(self.isa, &self.receiver, u_light, u) else { return false };
         let (wo, wi) = (frame.to_local(-self.direction), frame.to_local(light.direction));
         if !same_side(light.direction, surface.geometric_normal, wi.z) {
             return false;
@@ -263,7 +265,6 @@ impl<I: Isa> Path<'_, I> {
         self.throughput *= scattered.weight;
         self.eta2 *= scattered.eta * scattered.eta;
         self.pdf = if scattered.delta { f32::INFINITY } else { scattered.pdf };
-        self.vertex = surface.position;
         self.origin = surface.leave(direction);
         self.direction = direction;
         self.survives(depth)

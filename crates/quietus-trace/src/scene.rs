@@ -12,7 +12,8 @@ use crate::bvh::{Accel, Bounds, Hit, Ray};
 use crate::desc::{Geometry, MaterialId, SceneDesc};
 use crate::geometry::motion::Motion;
 use crate::interaction::{Interaction, Placement, mesh_surface, sphere_surface};
-use crate::light::{Environment, Found, LightSample, Lights};
+use crate::isa::Isa;
+use crate::light::{Environment, Found, LightSample, Lights, Receiver};
 use crate::material::{MaterialError, MaterialTable, SurfacePoint};
 
 /// Why a description cannot be drawn. Every message names the part by its index and, where it has one, its name.
@@ -197,11 +198,16 @@ impl Scene {
         self.materials.alpha(shape.material, &SurfacePoint { position, ..surface })
     }
 
-    /// Chooses a light and a direction to it from `from`, for random numbers in `[0, 1)`.
+    /// Chooses a light and a direction to it from the receiver, for random numbers in `[0, 1)`.
     #[inline(always)]
-    pub(crate) fn sample_light(&self, from: Vec3, u_light: f32, u: Vec2) -> Option<LightSample> {
-        let position = |sample: &LightSample| sample.target.map_or(from, |target| target.position);
-        match self.lights.sample(from, u_light, u)? {
+    pub(crate) fn sample_light<I: Isa>(
+        &self,
+        isa: I,
+        receiver: &Receiver,
+        u_light: f32,
+        u: Vec2,
+    ) -> Option<LightSample> {
+        match self.lights.sample(isa, receiver, u_light, u)? {
             Found::Light(sample) => Some(sample),
             Found::Triangle(emitter, barycentric, sample) => {
                 let (_, shape) = self.shape(emitter.instance, emitter.shape);
@@ -223,10 +229,17 @@ impl Scene {
         self.materials.emission(material, surface, true) * self.materials.alpha(material, surface)
     }
 
-    /// Density per steradian with which [`Self::sample_light`] at `from` chooses the point that a ray from there in
-    /// `direction` (of unit length) hit at `distance`.
+    /// Density per steradian with which [`Self::sample_light`] chooses for `receiver` the point that a ray from there
+    /// in `direction` (of unit length) hit at `distance`.
     #[inline(always)]
-    pub(crate) fn light_pdf(&self, hit: &Hit, from: Vec3, direction: Vec3, distance: f32) -> f32 {
+    pub(crate) fn light_pdf<I: Isa>(
+        &self,
+        isa: I,
+        hit: &Hit,
+        receiver: &Receiver,
+        direction: Vec3,
+        distance: f32,
+    ) -> f32 {
         let (placed, shape) = self.shape(hit.instance, hit.shape);
         let first = self.first_lights[(placed.first_slot + hit.shape) as usize];
         if first == NO_LIGHT {
@@ -234,9 +247,9 @@ impl Scene {
         }
         match shape.geometry {
             Geometry::Mesh(_) => {
-                self.lights.pdf_of_triangle(first + hit.primitive, from, direction, distance)
+                self.lights.pdf_of_triangle(isa, first + hit.primitive, receiver, direction, distance)
             }
-            Geometry::Sphere { .. } => self.lights.pdf_of_sphere(first, from, direction),
+            Geometry::Sphere { .. } => self.lights.pdf_of_sphere(isa, first, receiver, direction),
             _ => unreachable!("refused when the scene is built"),
         }
     }

@@ -173,6 +173,12 @@ impl MetalRough {
         self.ggx.is_none() && self.diffuse == Vec3::ZERO && self.coat.is_none_or(|c| c.ggx.is_none())
     }
 
+    /// Whether nothing passes through.
+    #[inline]
+    pub(super) fn reflects_only(&self) -> bool {
+        self.transmitted == Vec3::ZERO
+    }
+
     /// Whether the coat has a normal of its own.
     #[cfg(test)]
     pub(super) fn has_tilted_coat(&self) -> bool {

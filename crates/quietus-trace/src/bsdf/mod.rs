@@ -128,6 +128,16 @@ impl Bsdf {
         }
     }
 
+    /// Whether light from behind the surface is surely lost.
+    #[inline]
+    pub(crate) fn reflects_only(&self) -> bool {
+        match self {
+            Self::Diffuse(_) | Self::Conductor(_) => true,
+            Self::MetalRough(b) => b.reflects_only(),
+            _ => false,
+        }
+    }
+
     /// A colour that stands for the surface in the albedo AOV; near its reflectance under white light from all
     /// sides.
     pub fn albedo(&self) -> Vec3 {

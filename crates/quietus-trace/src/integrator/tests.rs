@@ -429,14 +429,15 @@ impl crate::isa::Job for OnePoint<'_> {
         };
         let brdf = f64::from(GROUND_ALBEDO) / PI;
         // What is seen along w, and the density with which light sampling would have chosen it.
+        let receiver = crate::light::Receiver::surface(Vec3::ZERO, Vec3::Y, false);
         let arrives = |w: Vec3| match cast(w) {
             None => (
                 f64::from(scene.environment().map_or(0.0, |e| e.radiance(w).y)),
-                scene.lights.pdf_of_environment(Vec3::ZERO, w),
+                scene.lights.pdf_of_environment(isa, &receiver, w),
             ),
-            Some(hit) => (5.0, scene.light_pdf(&hit, Vec3::ZERO, w, (w * hit.t).distance(Vec3::Y * -1e-4))),
+            Some(hit) => (5.0, scene.light_pdf(isa, &hit, &receiver, w, (w * hit.t).distance(Vec3::Y * -1e-4))),
         };
-        let light = scene.sample_light(Vec3::ZERO, rng.next_1d(), rng.next_2d());
+        let light = scene.sample_light(isa, &receiver, rng.next_1d(), rng.next_2d());
         let by_light = light.map_or((0.0, 1.0, 0.0), |light| {
             let cosine = f64::from(light.direction.y.max(0.0));
             // The lamps hide the sky, which is darker, but not each other.

@@ -5,6 +5,8 @@
 //! asks; for a light that also has a surface (or surrounds the scene) the same density can be had for a direction
 //! found otherwise, which multiple importance sampling needs.
 
+mod bounds;
+mod build;
 mod distribution;
 mod environment;
 mod punctual;
@@ -12,11 +14,15 @@ mod select;
 mod sphere;
 #[cfg(test)]
 mod tests;
+mod tree;
 mod triangle;
 
 use glam::{Vec2, Vec3};
 
 use crate::desc;
+use crate::isa::Isa;
+use bounds::LightBounds;
+pub(crate) use bounds::Receiver;
 pub(crate) use environment::Environment;
 pub(crate) use punctual::PunctualLight;
 use select::LightSelector;
@@ -130,9 +136,9 @@ impl Lights {
         punctual.sort_by_key(PunctualLight::is_infinite);
         let near = punctual.iter().take_while(|light| !light.is_infinite()).count();
         let environment = environment.map(Environment::new);
-        let mut local: Vec<f32> = triangles.iter().map(|t| t.power(t.geometry.area())).collect();
-        local.extend(spheres.iter().map(|s| s.power(s.geometry.area())));
-        local.extend(punctual[..near].iter().map(PunctualLight::power));
+        let mut local: Vec<LightBounds> = triangles.iter().map(|t| t.geometry.bounds(t)).collect();
+        local.extend(spheres.iter().map(|s| s.geometry.bounds(s)));
+        local.extend(punctual[..near].iter().map(PunctualLight::bounds));
         let mut infinite: Vec<f32> = punctual[near..].iter().map(PunctualLight::power).collect();
         infinite.extend(environment.iter().map(Environment::mean_irradiance));
         let selector = LightSelector::new(&local, &infinite);
@@ -144,12 +150,18 @@ impl Lights {
         self.environment.as_ref()
     }
 
-    /// Chooses a light and a direction to it from `from`; none where the light cannot be seen from there or shows
-    /// its dark side. The density contains the choice of the light.
-    #[inline]
-    pub(crate) fn sample(&self, from: Vec3, u_light: f32, u: Vec2) -> Option<Found<'_>> {
-        let (light, probability) = self.selector.sample(from, u_light)?;
-        let index = light as usize;
+    /// Chooses a light and a direction to it; none where the light cannot be seen by the receiver or shows its dark
+    /// side. The density contains the choice of the light.
+    #[inline(always)]
+    pub(crate) fn sample<I: Isa>(
+        &self,
+        isa: I,
+        receiver: &Receiver,
+        u_light: f32,
+        u: Vec2,
+    ) -> Option<Found<'_>> {
+        let (light, probability) = self.selector.sample(isa, receiver, u_light)?;
+        let (index, from) = (light as usize, receiver.position);
         if let Some(emitter) = self.triangles.get(index) {
             let (area, barycentric) = emitter.geometry.sample(from, u)?;
             let sample = emitter.light_sample(&area, probability)?;
@@ -173,25 +185,39 @@ impl Lights {
 
     /// Density with which [`Self::sample`] chooses the point at `distance` along `direction` on triangle light
     /// number `index`.
-    #[inline]
-    pub(crate) fn pdf_of_triangle(&self, index: u32, from: Vec3, direction: Vec3, distance: f32) -> f32 {
-        let probability = self.selector.probability(from, index);
+    #[inline(always)]
+    pub(crate) fn pdf_of_triangle<I: Isa>(
+        &self,
+        isa: I,
+        index: u32,
+        receiver: &Receiver,
+        direction: Vec3,
+        distance: f32,
+    ) -> f32 {
+        let probability = self.selector.probability(isa, receiver, index);
         probability * self.triangles[index as usize].geometry.pdf(direction, distance)
     }
 
     /// Density with which [`Self::sample`] chooses `direction`, which hits sphere light number `index`.
-    #[inline]
-    pub(crate) fn pdf_of_sphere(&self, index: u32, from: Vec3, direction: Vec3) -> f32 {
-        let probability = self.selector.probability(from, self.triangles.len() as u32 + index);
-        probability * self.spheres[index as usize].geometry.pdf(from, direction)
+    #[inline(always)]
+    pub(crate) fn pdf_of_sphere<I: Isa>(
+        &self,
+        isa: I,
+        index: u32,
+        receiver: &Receiver,
+        direction: Vec3,
+    ) -> f32 {
+        let light = self.triangles.len() as u32 + index;
+        let probability = self.selector.probability(isa, receiver, light);
+        probability * self.spheres[index as usize].geometry.pdf(receiver.position, direction)
     }
 
     /// Density with which [`Self::sample`] chooses the environment in `direction`.
-    #[inline]
-    pub(crate) fn pdf_of_environment(&self, from: Vec3, direction: Vec3) -> f32 {
+    #[inline(always)]
+    pub(crate) fn pdf_of_environment<I: Isa>(&self, isa: I, receiver: &Receiver, direction: Vec3) -> f32 {
         let Some(environment) = &self.environment else { return 0.0 };
         let light = self.triangles.len() + self.spheres.len() + self.punctual.len();
-        self.selector.probability(from, light as u32) * environment.pdf(direction)
+        self.selector.probability(isa, receiver, light as u32) * environment.pdf(direction)
     }
 }
 

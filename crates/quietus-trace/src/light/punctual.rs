@@ -2,14 +2,26 @@
 
 use glam::Vec3;
 
+use super::bounds::LightBounds;
 use super::{LightSample, luminance};
-use crate::desc;
+use crate::bvh::Bounds;
+use crate::desc::{self, SpotFalloff};
+
+/// Widens a spot's bounds, in radians: more than cosines are rounded by.
+const SPOT_MARGIN: f32 = 1e-3;
 
 /// A light without extent, ready to be sampled.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum PunctualLight {
     Point { position: Vec3, intensity: Vec3 },
-    Spot { position: Vec3, direction: Vec3, intensity: Vec3, cos_outer: f32, inverse_range: f32 },
+    Spot {
+        position: Vec3,
+        direction: Vec3,
+        intensity: Vec3,
+        cos_outer: f32,
+        inverse_range: f32,
+        falloff: SpotFalloff,
+    },
     Directional { to_light: Vec3, irradiance: Vec3 },
 }
 
@@ -18,7 +30,7 @@ impl PunctualLight {
     pub(crate) fn new(light: &desc::Light) -> Self {
         match *light {
             desc::Light::Point { position, intensity } => Self::Point { position, intensity },
-            desc::Light::Spot { position, direction, intensity, inner_angle, outer_angle, .. } => {
+            desc::Light::Spot { position, direction, intensity, inner_angle, outer_angle, falloff } => {
                 Self::Spot {
                     position,
                     direction,
@@ -26,6 +38,7 @@ impl PunctualLight {
                     cos_outer: outer_angle.cos(),
                     // The lower bound is KHR_lights_punctual's own, for cones without a soft edge.
                     inverse_range: 1.0 / (inner_angle.cos() - outer_angle.cos()).max(1e-3),
+                    falloff,
                 }
             }
             desc::Light::Directional { direction, irradiance } => {
@@ -44,12 +57,35 @@ impl PunctualLight {
         use std::f32::consts::TAU;
         match *self {
             Self::Point { intensity, .. } => 2.0 * TAU * luminance(intensity),
-            Self::Spot { intensity, cos_outer, inverse_range, .. } => {
-                // The square of a ramp from 0 to 1 over the soft edge has the mean 1/3.
-                let edge = 1.0 / inverse_range;
-                TAU * luminance(intensity) * (1.0 - cos_outer - edge * (2.0 / 3.0)).max(0.0)
+            Self::Spot { intensity, cos_outer, inverse_range, falloff, .. } => {
+                // Mean of what is missing over the soft edge.
+                let missing = match falloff {
+                    SpotFalloff::Square => 2.0 / 3.0,
+                    SpotFalloff::Smooth => 0.5,
+                };
+                TAU * luminance(intensity) * (1.0 - cos_outer - missing / inverse_range).max(0.0)
             }
             Self::Directional { irradiance, .. } => luminance(irradiance),
+        }
+    }
+
+    /// Where it stands and shines to; not for directional lights.
+    pub(super) fn bounds(&self) -> LightBounds {
+        let power = self.power();
+        match *self {
+            Self::Spot { position, direction, cos_outer, .. } => {
+                let bounds = Bounds { min: position, max: position };
+                // All of the cone as if it were even: what the light sends must never be thought impossible.
+                LightBounds {
+                    axis: direction,
+                    theta_o: cos_outer.acos(),
+                    theta_e: SPOT_MARGIN,
+                    ..LightBounds::omnidirectional(bounds, power)
+                }
+            }
+            Self::Point { position, .. } | Self::Directional { to_light: position, .. } => {
+                LightBounds::omnidirectional(Bounds { min: position, max: position }, power)
+            }
         }
     }
 
@@ -64,10 +100,14 @@ impl PunctualLight {
                 });
             }
             Self::Point { position, intensity } => (position, intensity),
-            Self::Spot { position, direction, intensity, cos_outer, inverse_range } => {
+            Self::Spot { position, direction, intensity, cos_outer, inverse_range, falloff } => {
                 let cosine = (from - position).normalize_or_zero().dot(direction);
                 let ramp = ((cosine - cos_outer) * inverse_range).clamp(0.0, 1.0);
-                (position, intensity * (ramp * ramp))
+                let share = match falloff {
+                    SpotFalloff::Square => ramp * ramp,
+                    SpotFalloff::Smooth => ramp * ramp * (3.0 - 2.0 * ramp),
+                };
+                (position, intensity * share)
             }
         };
         let to_light = position - from;

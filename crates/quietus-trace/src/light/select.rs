@@ -1,41 +1,78 @@
 //! Which light to ask.
-//!
-//! The interface takes the point that asks, so that a hierarchy over the lights can take the place of the table.
 
-use glam::Vec3;
-
+use super::bounds::{LightBounds, Receiver};
 use super::distribution::AliasTable;
+use super::tree::LightTree;
+use crate::isa::Isa;
 
-/// Chooses among lights by their power, whoever asks.
+/// Bounds of the share of samples that goes to lights infinitely far away where there are others too.
+///
+/// The share follows the irradiance both kinds may cause, which does not know what hides them: a sky outside of a
+/// window is far stronger than the lamps inside, and yet they may be all that is seen. Within these bounds a wrong
+/// guess costs a factor of two against half and half.
+const INFINITE_SHARE: [f32; 2] = [0.25, 0.75];
+
+/// Chooses among the lights for a receiver.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LightSelector {
-    table: AliasTable,
+    tree: Option<LightTree>,
+    /// How many lights stand in the scene: numbers from here on are infinitely far away.
+    local: u32,
+    infinite: AliasTable,
+    /// Irradiance that the infinitely far lights cause together.
+    irradiance: f32,
 }
 
 impl LightSelector {
-    /// A selector over `local` lights, given their power, followed by `infinite` ones, given the irradiance they
-    /// cause; numbers that are negative or not finite count as 0.
-    ///
-    /// The two cannot be compared without knowing how much of the scene is in view, so where both are, each kind
-    /// gets one half.
-    pub(crate) fn new(local: &[f32], infinite: &[f32]) -> Self {
-        let share = |weights: &[f32]| -> Vec<f64> {
-            let clean = |&w: &f32| if w.is_finite() { f64::from(w.max(0.0)) } else { 0.0 };
-            let total: f64 = weights.iter().map(clean).sum();
-            weights.iter().map(|w| if total > 0.0 { clean(w) / total } else { 0.0 }).collect()
-        };
-        Self { table: AliasTable::new(&[share(local), share(infinite)].concat()) }
+    /// A selector over `local` lights, followed by `infinite` ones, given the irradiance they cause; numbers that
+    /// are negative or not finite count as 0.
+    pub(super) fn new(local: &[LightBounds], infinite: &[f32]) -> Self {
+        let clean: Vec<f64> =
+            infinite.iter().map(|&w| if w.is_finite() { f64::from(w.max(0.0)) } else { 0.0 }).collect();
+        Self {
+            tree: LightTree::new(local),
+            local: local.len() as u32,
+            infinite: AliasTable::new(&clean),
+            irradiance: clean.iter().sum::<f64>() as f32,
+        }
+    }
+
+    /// The share of samples for lights infinitely far away.
+    #[inline(always)]
+    fn infinite_share<I: Isa>(&self, isa: I, receiver: &Receiver) -> f32 {
+        match &self.tree {
+            None => 1.0,
+            Some(_) if self.irradiance <= 0.0 => 0.0,
+            Some(tree) => {
+                let [least, most] = INFINITE_SHARE;
+                let share = self.irradiance / (self.irradiance + tree.irradiance(isa, receiver));
+                // Also for 0/0 and infinities.
+                if share > least { share.min(most) } else { least }
+            }
+        }
     }
 
     /// A light and the probability of choosing it, for `u` in `[0, 1)`; none where none shines.
-    #[inline]
-    pub(crate) fn sample(&self, _from: Vec3, u: f32) -> Option<(u32, f32)> {
-        self.table.sample(u)
+    #[inline(always)]
+    pub(crate) fn sample<I: Isa>(&self, isa: I, receiver: &Receiver, u: f32) -> Option<(u32, f32)> {
+        let share = self.infinite_share(isa, receiver);
+        if u < share {
+            let (light, probability) = self.infinite.sample(u / share)?;
+            return Some((self.local + light, share * probability));
+        }
+        let rest = ((u - share) / (1.0 - share)).min(1.0 - f32::EPSILON / 2.0);
+        let (light, probability) = self.tree.as_ref()?.sample(isa, receiver, rest)?;
+        Some((light, (1.0 - share) * probability))
     }
 
     /// The probability with which [`Self::sample`] chooses `light`.
-    #[inline]
-    pub(crate) fn probability(&self, _from: Vec3, light: u32) -> f32 {
-        self.table.probability(light)
+    #[inline(always)]
+    pub(crate) fn probability<I: Isa>(&self, isa: I, receiver: &Receiver, light: u32) -> f32 {
+        let share = self.infinite_share(isa, receiver);
+        if light >= self.local {
+            return share * self.infinite.probability(light - self.local);
+        }
+        let tree = self.tree.as_ref();
+        (1.0 - share) * tree.map_or(0.0, |tree| tree.probability(isa, receiver, light))
     }
 }

@@ -4,7 +4,9 @@ use std::f32::consts::TAU;
 
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
 
-use super::{AreaSample, Target};
+use super::bounds::LightBounds;
+use super::{AreaSample, Emitter, Target};
+use crate::bvh::Bounds;
 use crate::frame::Frame;
 use crate::geometry::{sphere::point_error, transform_error};
 use crate::warp;
@@ -32,11 +34,22 @@ impl SphereLight {
     }
 
     /// In square metres; approximate (1 %) where the transform makes it an ellipsoid.
-    pub(crate) fn area(&self) -> f32 {
+    fn area(&self) -> f32 {
         // Knud Thomsen's formula wants half axes; the lengths of the columns stand for them.
         let axes = [self.to_world.matrix3.x_axis, self.to_world.matrix3.y_axis, self.to_world.matrix3.z_axis];
         let [a, b, c] = axes.map(|axis| (self.radius * axis.length()).powf(1.6075));
         2.0 * TAU * ((a * b + b * c + c * a) / 3.0).powf(1.0 / 1.6075)
+    }
+
+    /// Where `emitter`, which has this geometry, shines to.
+    pub(super) fn bounds<G>(&self, emitter: &Emitter<G>) -> LightBounds {
+        let m = self.to_world.matrix3;
+        let rows = m.transpose();
+        let half = self.radius * Vec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length());
+        let center = self.to_world.transform_point3(self.center);
+        let bounds = Bounds { min: center - half, max: center + half };
+        // Its inner side, if it shines, is seen from within alone.
+        LightBounds::omnidirectional(bounds, emitter.power(self.area()))
     }
 
     /// `1 - cos` of the half angle under which `from`, in object space, sees the sphere: 2, everything, inside.

@@ -2,7 +2,9 @@
 
 use glam::{Affine3A, Vec2, Vec3};
 
-use super::{AreaSample, Target};
+use super::bounds::LightBounds;
+use super::{AreaSample, Emitter, Target};
+use crate::bvh::Bounds;
 use crate::geometry::transform_error;
 use crate::geometry::triangle::point_error;
 use crate::warp;
@@ -33,9 +35,14 @@ impl TriangleLight {
         Self { corner: corners[0], edges, normal, area: 0.5 * cross.length(), corner_error }
     }
 
-    /// In square metres.
-    pub(crate) fn area(&self) -> f32 {
-        self.area
+    /// Where `emitter`, which has this geometry, shines to.
+    pub(super) fn bounds<G>(&self, emitter: &Emitter<G>) -> LightBounds {
+        let corners = [self.corner, self.corner + self.edges[0], self.corner + self.edges[1]];
+        let bounds = Bounds {
+            min: corners[0].min(corners[1]).min(corners[2]),
+            max: corners[0].max(corners[1]).max(corners[2]),
+        };
+        LightBounds::surface(bounds, self.normal, 0.0, emitter.power(self.area), emitter.two_sided)
     }
 
     /// A point seen from `from`, and barycentric coordinates of the second and third corner.

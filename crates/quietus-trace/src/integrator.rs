@@ -81,7 +81,7 @@ pub(crate) fn sample<I: Isa>(
         origin: ray.origin,
         direction: ray.direction,
         time,
-        receiver: Receiver::medium(ray.origin),
+        receiver: Receiver::medium(ray.origin, time),
         pdf: f32::INFINITY,
         throughput: Vec3::ONE,
         eta2: 1.0,
@@ -189,8 +189,8 @@ impl<I: Isa> Path<'_, I> {
             let weight = if only_way {
                 1.0
             } else {
-                let distance = surface.position.distance(self.receiver.position);
-                let light_pdf = self.scene.light_pdf(self.isa, hit, &self.receiver, self.direction, distance);
+                let light_pdf =
+                    self.scene.light_pdf(self.isa, hit, surface, &self.receiver, self.direction);
                 power_heuristic(self.pdf, light_pdf)
             };
             self.sample.radiance += self.throughput * radiance * weight;
@@ -233,7 +233,7 @@ impl<I: Isa> Path<'_, I> {
             return false;
         }
         let toward = if self.direction.dot(frame.normal) > 0.0 { -frame.normal } else { frame.normal };
-        self.receiver = Receiver::surface(surface.position, toward, !bsdf.reflects_only());
+        self.receiver = Receiver::surface(surface.position, self.time, toward, !bsdf.reflects_only());
         let Some(light) = self.scene.sample_light(self.isa, &self.receiver, u_light, u) else { return false };
         let (wo, wi) = (frame.to_local(-self.direction), frame.to_local(light.direction));
         if !same_side(light.direction, surface.geometric_normal, wi.z) {

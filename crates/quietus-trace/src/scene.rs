@@ -14,7 +14,7 @@ use crate::geometry::motion::Motion;
 use crate::interaction::{Interaction, Placement, mesh_surface, sphere_surface};
 use crate::isa::Isa;
 use crate::light::{Environment, Found, LightSample, Lights, Receiver};
-use crate::material::{MaterialError, MaterialTable, SurfacePoint};
+use crate::material::{MaterialError, MaterialTable};
 
 /// Why a description cannot be drawn. Every message names the part by its index and, where it has one, its name.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -209,48 +209,50 @@ impl Scene {
     ) -> Option<LightSample> {
         match self.lights.sample(isa, receiver, u_light, u)? {
             Found::Light(sample) => Some(sample),
-            Found::Triangle(emitter, barycentric, sample) => {
-                let (_, shape) = self.shape(emitter.instance, emitter.shape);
-                let Geometry::Mesh(mesh) = &shape.geometry else { return None };
-                let surface = mesh_surface(mesh, emitter.primitive, barycentric.x, barycentric.y);
-                let surface = SurfacePoint { position: position(&sample), ..surface };
-                Some(LightSample { radiance: self.visible_emission(shape.material, &surface), ..sample })
-            }
-            Found::Sphere(emitter, outward, sample) => {
-                let (_, shape) = self.shape(emitter.instance, emitter.shape);
-                let surface = SurfacePoint { position: position(&sample), ..sphere_surface(outward) };
-                Some(LightSample { radiance: self.visible_emission(shape.material, &surface), ..sample })
+            Found::Varying(sample, hit) => {
+                let ray = Ray::new(receiver.position, sample.direction, receiver.time);
+                Some(LightSample { radiance: self.visible_emission(&hit, &ray), ..sample })
             }
         }
     }
 
-    /// Emission times coverage, on a side that emits.
-    fn visible_emission(&self, material: MaterialId, surface: &SurfacePoint) -> Vec3 {
-        self.materials.emission(material, surface, true) * self.materials.alpha(material, surface)
+    /// Emission times coverage where `ray` meets a side that emits.
+    #[inline(never)]
+    fn visible_emission(&self, hit: &Hit, ray: &Ray) -> Vec3 {
+        let (placed, shape) = self.shape(hit.instance, hit.shape);
+        let mut moved = None;
+        let placement = self.placement(placed, ray.time, &mut moved);
+        let at = Interaction::new(&shape.geometry, (shape.material, true), placement, hit, ray);
+        self.materials.emission(at.material, &at.surface, true) * self.coverage(hit, ray)
     }
 
-    /// Density per steradian with which [`Self::sample_light`] chooses for `receiver` the point that a ray from there
-    /// in `direction` (of unit length) hit at `distance`.
+    /// Density per steradian with which [`Self::sample_light`] chooses for `receiver` the point `surface`, which a ray
+    /// from there in `direction` (of unit length) hit.
     #[inline(always)]
     pub(crate) fn light_pdf<I: Isa>(
         &self,
         isa: I,
         hit: &Hit,
+        surface: &Interaction,
         receiver: &Receiver,
         direction: Vec3,
-        distance: f32,
     ) -> f32 {
         let (placed, shape) = self.shape(hit.instance, hit.shape);
         let first = self.first_lights[(placed.first_slot + hit.shape) as usize];
         if first == NO_LIGHT {
             return 0.0;
         }
+        let distance = surface.position.distance(receiver.position);
         match shape.geometry {
             Geometry::Mesh(_) => {
                 self.lights.pdf_of_triangle(isa, first + hit.primitive, receiver, direction, distance)
             }
             Geometry::Sphere { .. } => self.lights.pdf_of_sphere(isa, first, receiver, direction),
-            _ => unreachable!("refused when the scene is built"),
+            _ => {
+                let light = first + hit.primitive;
+                let place = (surface.geometric_normal, Vec2::new(hit.u, hit.v));
+                self.lights.pdf_of_surface(isa, light, receiver, (direction, distance), place)
+            }
         }
     }
 }

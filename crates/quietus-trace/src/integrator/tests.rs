@@ -429,13 +429,16 @@ impl crate::isa::Job for OnePoint<'_> {
         };
         let brdf = f64::from(GROUND_ALBEDO) / PI;
         // What is seen along w, and the density with which light sampling would have chosen it.
-        let receiver = crate::light::Receiver::surface(Vec3::ZERO, Vec3::Y, false);
+        let receiver = crate::light::Receiver::surface(Vec3::ZERO, 0.0, Vec3::Y, false);
         let arrives = |w: Vec3| match cast(w) {
             None => (
                 f64::from(scene.environment().map_or(0.0, |e| e.radiance(w).y)),
                 scene.lights.pdf_of_environment(isa, &receiver, w),
             ),
-            Some(hit) => (5.0, scene.light_pdf(isa, &hit, &receiver, w, (w * hit.t).distance(Vec3::Y * -1e-4))),
+            Some(hit) => {
+                let surface = scene.interaction(&hit, &crate::bvh::Ray::new(Vec3::Y * 1e-4, w, 0.0));
+                (5.0, scene.light_pdf(isa, &hit, &surface, &receiver, w))
+            }
         };
         let light = scene.sample_light(isa, &receiver, rng.next_1d(), rng.next_2d());
         let by_light = light.map_or((0.0, 1.0, 0.0), |light| {

@@ -10,10 +10,12 @@ use glam::{Quat, Vec3};
 
 use crate::bvh::Bounds;
 
-/// A point that wants to be lit.
+/// A point, at a time, that wants to be lit.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Receiver {
     pub(crate) position: Vec3,
+    /// In 0..=1 of the shutter's time.
+    pub(crate) time: f32,
     /// Shading normal, on the side the path came from; 0 inside a medium, which has none.
     normal: Vec3,
     /// What the cosine is multiplied by on the other side: 1, which changes nothing, where light from there is
@@ -24,14 +26,14 @@ pub(crate) struct Receiver {
 impl Receiver {
     /// A point of a surface; `transmits` says whether light from behind the surface can matter.
     #[inline(always)]
-    pub(crate) fn surface(position: Vec3, normal: Vec3, transmits: bool) -> Self {
-        Self { position, normal, back: if transmits { -1.0 } else { 1.0 } }
+    pub(crate) fn surface(position: Vec3, time: f32, normal: Vec3, transmits: bool) -> Self {
+        Self { position, time, normal, back: if transmits { -1.0 } else { 1.0 } }
     }
 
     /// A point between surfaces, for which light counts wherever it comes from.
     #[inline(always)]
-    pub(crate) fn medium(position: Vec3) -> Self {
-        Self { position, normal: Vec3::ZERO, back: 1.0 }
+    pub(crate) fn medium(position: Vec3, time: f32) -> Self {
+        Self { position, time, normal: Vec3::ZERO, back: 1.0 }
     }
 
     /// The normal, and the sign that [`facing`](Self::back) wants; none inside a medium.

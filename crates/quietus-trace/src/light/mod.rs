@@ -1,7 +1,7 @@
 //! Lights, and how next-event estimation finds them.
 //!
-//! All lights stand in one order: emissive triangles, emissive spheres, lights without extent, the environment. A
-//! light is chosen by [`LightSelector`], then a direction to it. Densities are per steradian at the point that
+//! All lights stand in one order: emissive triangles, whole spheres, other surfaces, lights without extent, the
+//! environment. A light is chosen by [`LightSelector`], then a direction to it. Densities are per steradian at the point that
 //! asks; for a light that also has a surface (or surrounds the scene) the same density can be had for a direction
 //! found otherwise, which multiple importance sampling needs.
 
@@ -12,6 +12,7 @@ mod environment;
 mod punctual;
 mod select;
 mod sphere;
+mod surface;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -19,6 +20,7 @@ mod triangle;
 
 use glam::{Vec2, Vec3};
 
+use crate::bvh::Hit;
 use crate::desc;
 use crate::isa::Isa;
 use bounds::LightBounds;
@@ -27,6 +29,7 @@ pub(crate) use environment::Environment;
 pub(crate) use punctual::PunctualLight;
 use select::LightSelector;
 pub(crate) use sphere::SphereLight;
+pub(crate) use surface::{PatchLight, QuadricLight, SurfaceLight};
 pub(crate) use triangle::TriangleLight;
 
 /// Luminance of linear Rec.709.
@@ -80,7 +83,7 @@ pub(crate) struct AreaSample {
     pub(crate) front: bool,
 }
 
-/// An emissive triangle or sphere, and where in the scene it stands.
+/// An emissive surface, and where in the scene it stands.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Emitter<G> {
     pub(crate) geometry: G,
@@ -103,14 +106,19 @@ impl<G> Emitter<G> {
 
 /// What [`Lights::sample`] found.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Found<'a> {
+pub(crate) enum Found {
     /// All there is to know.
     Light(LightSample),
-    /// A point on a mesh whose emission or coverage varies: `radiance` is not yet known. The vector holds the
-    /// barycentric coordinates of the second and third corner.
-    Triangle(&'a Emitter<TriangleLight>, Vec2, LightSample),
-    /// The same for a sphere; the vector is the object-space normal.
-    Sphere(&'a Emitter<SphereLight>, Vec3, LightSample),
+    /// A point on a surface whose emission or coverage varies: `radiance` is not yet known.
+    Varying(LightSample, Hit),
+}
+
+/// The emissive surfaces of a scene; what is found on one of them is asked for by its number among its kind.
+#[derive(Debug, Default)]
+pub(crate) struct Emitters {
+    pub(crate) triangles: Vec<Emitter<TriangleLight>>,
+    pub(crate) spheres: Vec<Emitter<SphereLight>>,
+    pub(crate) surfaces: Vec<Emitter<SurfaceLight>>,
 }
 
 /// All lights of a scene.
@@ -118,17 +126,16 @@ pub(crate) enum Found<'a> {
 pub(crate) struct Lights {
     triangles: Vec<Emitter<TriangleLight>>,
     spheres: Vec<Emitter<SphereLight>>,
+    surfaces: Vec<Emitter<SurfaceLight>>,
     punctual: Vec<PunctualLight>,
     environment: Option<Environment>,
     selector: LightSelector,
 }
 
 impl Lights {
-    /// Collects the lights of a scene; their order decides about the numbers [`Self::pdf_of_triangle`] and
-    /// [`Self::pdf_of_sphere`] want.
+    /// Collects the lights of a scene.
     pub(crate) fn new(
-        triangles: Vec<Emitter<TriangleLight>>,
-        spheres: Vec<Emitter<SphereLight>>,
+        Emitters { triangles, spheres, surfaces }: Emitters,
         lights: &[desc::Light],
         environment: Option<&desc::Environment>,
     ) -> Self {
@@ -138,11 +145,12 @@ impl Lights {
         let environment = environment.map(Environment::new);
         let mut local: Vec<LightBounds> = triangles.iter().map(|t| t.geometry.bounds(t)).collect();
         local.extend(spheres.iter().map(|s| s.geometry.bounds(s)));
+        local.extend(surfaces.iter().map(|s| s.geometry.bounds(s)));
         local.extend(punctual[..near].iter().map(PunctualLight::bounds));
         let mut infinite: Vec<f32> = punctual[near..].iter().map(PunctualLight::power).collect();
         infinite.extend(environment.iter().map(Environment::mean_irradiance));
         let selector = LightSelector::new(&local, &infinite);
-        Self { triangles, spheres, punctual, environment, selector }
+        Self { triangles, spheres, surfaces, punctual, environment, selector }
     }
 
     /// The environment, if there is one.
@@ -159,23 +167,23 @@ impl Lights {
         receiver: &Receiver,
         u_light: f32,
         u: Vec2,
-    ) -> Option<Found<'_>> {
+    ) -> Option<Found> {
         let (light, probability) = self.selector.sample(isa, receiver, u_light)?;
         let (index, from) = (light as usize, receiver.position);
         if let Some(emitter) = self.triangles.get(index) {
             let (area, barycentric) = emitter.geometry.sample(from, u)?;
-            let sample = emitter.light_sample(&area, probability)?;
-            let found = Found::Triangle(emitter, barycentric, sample);
-            return Some(if emitter.varies { found } else { Found::Light(sample) });
+            return emitter.found(&area, probability, from, barycentric);
         }
         let index = index - self.triangles.len();
         if let Some(emitter) = self.spheres.get(index) {
-            let (area, outward) = emitter.geometry.sample(from, u)?;
-            let sample = emitter.light_sample(&area, probability)?;
-            let found = Found::Sphere(emitter, outward, sample);
-            return Some(if emitter.varies { found } else { Found::Light(sample) });
+            return emitter.found(&emitter.geometry.sample(from, u)?, probability, from, Vec2::ZERO);
         }
         let index = index - self.spheres.len();
+        if let Some(emitter) = self.surfaces.get(index) {
+            // Where it is a patch, the random numbers are its parameters.
+            return emitter.found(&emitter.geometry.sample(from, u)?, probability, from, u);
+        }
+        let index = index - self.surfaces.len();
         let sample = match self.punctual.get(index) {
             Some(light) => light.sample(from),
             None => self.environment.as_ref()?.sample(u),
@@ -212,25 +220,50 @@ impl Lights {
         probability * self.spheres[index as usize].geometry.pdf(receiver.position, direction)
     }
 
+    /// Density with which [`Self::sample`] chooses, on light number `index` among other surfaces, the point at
+    /// `distance` along `direction`, with this normal and, on a patch, these parameters.
+    #[inline]
+    pub(crate) fn pdf_of_surface<I: Isa>(
+        &self,
+        isa: I,
+        index: u32,
+        receiver: &Receiver,
+        (direction, distance): (Vec3, f32),
+        (normal, at): (Vec3, Vec2),
+    ) -> f32 {
+        let light = self.triangles.len() + self.spheres.len() + index as usize;
+        let probability = self.selector.probability(isa, receiver, light as u32);
+        probability * self.surfaces[index as usize].geometry.pdf(direction, distance, normal, at)
+    }
+
     /// Density with which [`Self::sample`] chooses the environment in `direction`.
     #[inline(always)]
     pub(crate) fn pdf_of_environment<I: Isa>(&self, isa: I, receiver: &Receiver, direction: Vec3) -> f32 {
         let Some(environment) = &self.environment else { return 0.0 };
-        let light = self.triangles.len() + self.spheres.len() + self.punctual.len();
+        let light = self.triangles.len() + self.spheres.len() + self.surfaces.len() + self.punctual.len();
         self.selector.probability(isa, receiver, light as u32) * environment.pdf(direction)
     }
 }
 
 impl<G> Emitter<G> {
-    /// Completes a point on the surface; none where its side is dark.
+    /// Completes a point on the surface; none where its side is dark. `at` is what [`Hit`] calls u and v.
     #[inline]
-    fn light_sample(&self, area: &AreaSample, probability: f32) -> Option<LightSample> {
-        (area.front || self.two_sided).then_some(LightSample {
+    fn found(&self, area: &AreaSample, probability: f32, from: Vec3, at: Vec2) -> Option<Found> {
+        if !(area.front || self.two_sided) {
+            return None;
+        }
+        let sample = LightSample {
             direction: area.direction,
             target: Some(area.target),
             radiance: self.radiance,
             pdf: area.pdf * probability,
             delta: false,
-        })
+        };
+        if !self.varies {
+            return Some(Found::Light(sample));
+        }
+        let Self { instance, shape, primitive, .. } = *self;
+        let t = area.target.position.distance(from);
+        Some(Found::Varying(sample, Hit { t, u: at.x, v: at.y, instance, shape, primitive }))
     }
 }

@@ -44,9 +44,13 @@ impl LightSelector {
             None => 1.0,
             Some(_) if self.irradiance <= 0.0 => 0.0,
             Some(tree) => {
+                let local = tree.irradiance(isa, receiver);
+                if local <= 0.0 {
+                    return 1.0;
+                }
                 let [least, most] = INFINITE_SHARE;
-                let share = self.irradiance / (self.irradiance + tree.irradiance(isa, receiver));
-                // Also for 0/0 and infinities.
+                let share = self.irradiance / (self.irradiance + local);
+                // Also for infinity over infinity.
                 if share > least { share.min(most) } else { least }
             }
         }

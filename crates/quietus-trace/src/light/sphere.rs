@@ -24,13 +24,15 @@ pub(crate) struct SphereLight {
     to_object: Affine3A,
     /// `|det M|` of `to_world`.
     determinant: f32,
+    /// Whether front and back are exchanged.
+    flipped: bool,
 }
 
 impl SphereLight {
     /// The sphere around `center` in object space; `to_world` is invertible.
-    pub(crate) fn new(center: Vec3, radius: f32, to_world: Affine3A) -> Self {
+    pub(crate) fn new(center: Vec3, radius: f32, to_world: Affine3A, flipped: bool) -> Self {
         let determinant = to_world.matrix3.determinant().abs();
-        Self { center, radius, to_world, to_object: to_world.inverse(), determinant }
+        Self { center, radius, to_world, to_object: to_world.inverse(), determinant, flipped }
     }
 
     /// In square metres; approximate (1 %) where the transform makes it an ellipsoid.
@@ -59,9 +61,9 @@ impl SphereLight {
         if sin2 < INSIDE { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 }
     }
 
-    /// A point seen from `from`, and the object-space unit vector from the centre to it.
+    /// A point seen from `from`.
     #[inline]
-    pub(crate) fn sample(&self, from: Vec3, u: Vec2) -> Option<(AreaSample, Vec3)> {
+    pub(crate) fn sample(&self, from: Vec3, u: Vec2) -> Option<AreaSample> {
         let from = self.to_object.transform_point3(from);
         let to_center = self.center - from;
         let center_distance = to_center.length();
@@ -91,7 +93,7 @@ impl SphereLight {
         let normal = (self.to_object.matrix3.transpose() * Vec3A::from(outward)).normalize().into();
         let position = self.to_world.transform_point3(object_position);
         let target = Target { position, error, normal };
-        Some((AreaSample { target, direction: mapped / stretch, pdf, front: outside }, outward))
+        Some(AreaSample { target, direction: mapped / stretch, pdf, front: outside != self.flipped })
     }
 
     /// Density per steradian with which [`Self::sample`] chooses `direction`, one that hits the sphere.

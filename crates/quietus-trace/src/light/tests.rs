@@ -1,12 +1,15 @@
 //! Every light sampler against its density, and the density of a chosen point against that of the same point hit.
 
+mod surface;
+mod tree;
+
 use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Quat, Vec2, Vec3};
 
 use super::distribution::{AliasTable, PiecewiseConstant2d};
 use super::{Environment, PunctualLight, SphereLight, TriangleLight};
-use crate::desc::{self, Image, Texels};
+use crate::desc::{self, EnvironmentLayout, Image, SpotFalloff, Texels};
 use crate::geometry::{sphere, triangle};
 use crate::testing::{Mean, Rng, Suite, chi_square, chi_square_directions};
 
@@ -64,7 +67,7 @@ fn triangles_are_sampled_with_their_density() {
     let mirror = Affine3A::from_scale(Vec3::new(-1.0, 0.7, 1.3));
     let mut suite = Suite::new(4);
     for (seed, transform) in [Affine3A::IDENTITY, mirror].into_iter().enumerate() {
-        let light = TriangleLight::new(corners, &transform);
+        let light = TriangleLight::new(corners, &transform, false);
         let placed = corners.map(|p| transform.transform_point3(p));
         for from in [Vec3::ZERO, Vec3::new(0.2, 2.0, -0.4)] {
             let p = compare_with_density(
@@ -89,7 +92,7 @@ fn spheres_are_sampled_with_their_density() {
     let ellipsoid = Affine3A::from_scale_rotation_translation(Vec3::new(0.5, -1.5, 2.0), turned, Vec3::Y);
     let mut suite = Suite::new(8);
     for (seed, transform) in [Affine3A::IDENTITY, ellipsoid].into_iter().enumerate() {
-        let light = SphereLight::new(center, radius, transform);
+        let light = SphereLight::new(center, radius, transform, false);
         let inverse = transform.inverse();
         let place = |object: Vec3| transform.transform_point3(object);
         for offset in [0.5, 1.1, 3.0, 0.0] {
@@ -100,7 +103,7 @@ fn spheres_are_sampled_with_their_density() {
             };
             let p = compare_with_density(
                 seed as u64,
-                |rng| light.sample(from, rng.next_2d()).map(|(sample, _)| sample.direction),
+                |rng| light.sample(from, rng.next_2d()).map(|sample| sample.direction),
                 |w| if hits(w) { light.pdf(from, w) } else { 0.0 },
             );
             suite.judge(p, format_args!("sphere under {transform} seen from {offset} radii"));
@@ -112,24 +115,27 @@ fn spheres_are_sampled_with_their_density() {
 #[test]
 fn sphere_samples_lie_where_rays_hit() {
     let (center, radius, from) = (Vec3::new(4.0, -2.0, 3.0), 0.5, Vec3::new(1.0, 1.0, 1.0));
-    let light = SphereLight::new(center, radius, Affine3A::IDENTITY);
+    let light = SphereLight::new(center, radius, Affine3A::IDENTITY, false);
     let mut rng = Rng::new(7);
     for _ in 0..1000 {
-        let (sample, outward) = light.sample(from, rng.next_2d()).expect("outside points see the sphere");
+        let sample = light.sample(from, rng.next_2d()).expect("outside points see the sphere");
         let t = sphere::intersect(from, sample.direction, (0.0, f32::INFINITY), center, radius);
         // At the silhouette a ray in the rounded direction may miss; the point must lie beside it all the same.
         let along = t.unwrap_or_else(|| (center - from).dot(sample.direction));
         let distance = (from + along * sample.direction).distance(sample.target.position);
-        let grazing = outward.dot(sample.direction).abs().max(1e-3);
+        let grazing = sample.target.normal.dot(sample.direction).abs().max(1e-3);
         assert!(distance * grazing < 1e-5, "{distance} at cosine {grazing}");
         let same = light.pdf(from, sample.direction);
         assert!((sample.pdf - same).abs() <= 1e-5 * same, "{} against {same}", sample.pdf);
     }
 }
 
-fn sunny_map() -> Environment {
+fn sunny_map(layout: EnvironmentLayout) -> Environment {
     let mut rng = Rng::new(3);
-    let (width, height) = (16, 8);
+    let (width, height) = match layout {
+        EnvironmentLayout::LatLong => (16, 8),
+        EnvironmentLayout::EqualArea => (16, 16),
+    };
     let mut texels: Vec<[f32; 4]> =
         (0..width * height).map(|_| [0; 4].map(|_| rng.next_1d() * rng.next_1d())).collect();
     // A sun, one at the seam, and darkness from pole to pole.
@@ -147,24 +153,24 @@ fn sunny_map() -> Environment {
         texels: Texels::Float(texels),
     };
     let to_world = Mat3::from_quat(Quat::from_euler(glam::EulerRot::XYZ, 0.7, -0.3, 1.9));
-    Environment::new(&desc::Environment {
-        layout: crate::desc::EnvironmentLayout::LatLong,
-        image: Some(Arc::new(image)),
-        scale: Vec3::ONE,
-        to_world,
-    })
+    Environment::new(&desc::Environment { layout, image: Some(Arc::new(image)), scale: Vec3::ONE, to_world })
 }
 
 #[test]
 fn environments_are_sampled_with_their_density() {
     let constant = desc::Environment {
-        layout: crate::desc::EnvironmentLayout::LatLong,
+        layout: EnvironmentLayout::LatLong,
         image: None,
         scale: Vec3::ONE,
         to_world: Mat3::IDENTITY,
     };
-    let mut suite = Suite::new(2);
-    for (name, environment) in [("constant", Environment::new(&constant)), ("map", sunny_map())] {
+    let environments = [
+        ("constant", Environment::new(&constant)),
+        ("lat-long map", sunny_map(EnvironmentLayout::LatLong)),
+        ("equal-area map", sunny_map(EnvironmentLayout::EqualArea)),
+    ];
+    let mut suite = Suite::new(environments.len());
+    for (name, environment) in environments {
         let p = chi_square_directions(
             11,
             SAMPLES,
@@ -178,15 +184,17 @@ fn environments_are_sampled_with_their_density() {
 /// Where the map is bright it must be found, and the sample must say how bright.
 #[test]
 fn environment_density_covers_its_light() {
-    let environment = sunny_map();
-    let mut rng = Rng::new(5);
-    for _ in 0..20_000 {
-        let w = rng.next_direction();
-        assert!(environment.pdf(w) > 0.0 || environment.radiance(w) == Vec3::ZERO, "{w}");
-        let Some(sample) = environment.sample(rng.next_2d()) else { continue };
-        let radiance = environment.radiance(sample.direction);
-        // The direction went through a rotation and back: interpolation between a dark texel and the sun.
-        assert!((sample.radiance - radiance).abs().max_element() <= 1e-3 * 40.0, "{radiance}");
+    for layout in [EnvironmentLayout::LatLong, EnvironmentLayout::EqualArea] {
+        let environment = sunny_map(layout);
+        let mut rng = Rng::new(5);
+        for _ in 0..20_000 {
+            let w = rng.next_direction();
+            assert!(environment.pdf(w) > 0.0 || environment.radiance(w) == Vec3::ZERO, "{w}");
+            let Some(sample) = environment.sample(rng.next_2d()) else { continue };
+            let radiance = environment.radiance(sample.direction);
+            // The direction went through a rotation and back: interpolation between a dark texel and the sun.
+            assert!((sample.radiance - radiance).abs().max_element() <= 1e-3 * 40.0, "{radiance}");
+        }
     }
 }
 
@@ -197,7 +205,7 @@ fn environment_maps_are_laid_out_as_described() {
     let texels = (0..8 * 4).map(|i| texel(i as f32)).collect();
     let image = Image { name: "grid".into(), width: 8, height: 4, texels: Texels::Float(texels) };
     let environment = Environment::new(&desc::Environment {
-        layout: crate::desc::EnvironmentLayout::LatLong,
+        layout: EnvironmentLayout::LatLong,
         image: Some(Arc::new(image)),
         scale: Vec3::ONE,
         to_world: Mat3::IDENTITY,
@@ -207,6 +215,49 @@ fn environment_maps_are_laid_out_as_described() {
     assert!((red(0.0, 0.0, -1.0) - 15.5).abs() < 1e-3, "between columns 3 and 4, rows 1 and 2");
     assert!((red(1.0, 0.0, 0.0) - 17.5).abs() < 1e-3, "between columns 5 and 6");
     assert!((red(-1.0, 0.0, 0.0) - 13.5).abs() < 1e-3, "between columns 1 and 2");
+}
+
+/// The middle of the square is +z, its corners are -z, its edges' middles +-x and +-y; what runs out of an edge comes
+/// back mirrored at the edge's middle: the look-up has no seams.
+#[test]
+fn equal_area_maps_are_laid_out_as_described() {
+    let size = 8;
+    let map = |value: &dyn Fn(u32, u32) -> f32| {
+        let texels = (0..size * size).map(|i| [value(i % size, i / size), 0.0, 0.0, 1.0]).collect();
+        let image = Image { name: "grid".into(), width: size, height: size, texels: Texels::Float(texels) };
+        Environment::new(&desc::Environment {
+            layout: EnvironmentLayout::EqualArea,
+            image: Some(Arc::new(image)),
+            scale: Vec3::ONE,
+            to_world: Mat3::IDENTITY,
+        })
+    };
+    let (columns, rows) = (map(&|x, _| x as f32), map(&|_, y| y as f32));
+    let place = |w: Vec3| [columns.radiance(w).x, rows.radiance(w).x];
+    let close = |w: Vec3, expected: [f32; 2]| {
+        let found = place(w);
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3), "{w}: {found:?}");
+    };
+    close(Vec3::Z, [3.5, 3.5]);
+    close(Vec3::X, [7.0, 3.5]);
+    close(Vec3::NEG_X, [0.0, 3.5]);
+    close(Vec3::Y, [3.5, 7.0]);
+    close(Vec3::NEG_Y, [3.5, 0.0]);
+    // Equal areas: a quarter of the square's width from its middle lies as far down as a quarter of its area says.
+    let z = 1.0 - 0.25;
+    close(Vec3::new(f32::sqrt(1.0 - z * z), 0.0, z), [5.5, 3.5]);
+    let noise = {
+        let mut rng = Rng::new(8);
+        let texels: Vec<f32> = (0..size * size).map(|_| rng.next_1d()).collect();
+        map(&move |x, y| texels[(y * size + x) as usize])
+    };
+    let mut rng = Rng::new(9);
+    for _ in 0..2000 {
+        let w = (rng.next_direction() - Vec3::Z).normalize();
+        let aside = (w + 1e-5 * rng.next_direction()).normalize();
+        let step = (noise.radiance(w).x - noise.radiance(aside).x).abs();
+        assert!(step < 1e-2, "{w} to {aside}: {step}");
+    }
 }
 
 #[test]
@@ -240,6 +291,30 @@ fn tables_draw_in_proportion_to_their_weights() {
     assert!(PiecewiseConstant2d::new(2, &[0.0; 4]).is_none());
 }
 
+/// The fade of pbrt-v4 is half done half-way, and the power that goes with it is right.
+#[test]
+fn spots_may_fade_smoothly() {
+    let light = PunctualLight::new(&desc::Light::Spot {
+        position: Vec3::ZERO,
+        direction: Vec3::Z,
+        intensity: Vec3::ONE,
+        inner_angle: 0.4,
+        outer_angle: 0.9,
+        falloff: SpotFalloff::Smooth,
+    });
+    let at = |cosine: f32| {
+        let from = 2.0 * Vec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
+        light.sample(from).map_or(0.0, |sample| sample.radiance.x * 4.0)
+    };
+    let [inner, outer] = [0.4_f32.cos(), 0.9_f32.cos()];
+    assert!((at(0.5 * (inner + outer)) - 0.5).abs() < 1e-5);
+    assert!((at(outer + 0.25 * (inner - outer)) - 0.15625).abs() < 1e-5, "t^2 (3 - 2 t) at a quarter");
+    let steps = 20_000;
+    let mean = (0..steps).map(|i| f64::from(at((i as f32 + 0.5) / steps as f32))).sum::<f64>() / f64::from(steps);
+    let power = std::f64::consts::TAU * mean;
+    assert!((f64::from(light.power()) - power).abs() < 1e-3 * power, "{} against {power}", light.power());
+}
+
 /// A spot's edges, and the power that weighs it against other lights, by quadrature over its cone.
 #[test]
 fn spots_fade_between_their_angles() {
@@ -250,7 +325,7 @@ fn spots_fade_between_their_angles() {
         intensity: Vec3::ONE,
         inner_angle,
         outer_angle,
-        falloff: crate::desc::SpotFalloff::Square,
+        falloff: SpotFalloff::Square,
     });
     let at = |angle: f32| {
         let from = 2.0 * Vec3::new(angle.sin(), 0.0, angle.cos());

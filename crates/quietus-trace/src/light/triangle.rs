@@ -23,15 +23,15 @@ pub(crate) struct TriangleLight {
 
 impl TriangleLight {
     /// The triangle with these object-space corners under `to_world`. Its front is where they run
-    /// counter-clockwise in object space.
-    pub(crate) fn new(corners: [Vec3; 3], to_world: &Affine3A) -> Self {
+    /// counter-clockwise in object space, unless it is flipped.
+    pub(crate) fn new(corners: [Vec3; 3], to_world: &Affine3A, flipped: bool) -> Self {
         let error = |p: Vec3| transform_error(to_world, p, Vec3::ZERO);
         let corner_error = error(corners[0]).max(error(corners[1])).max(error(corners[2]));
         let corners = corners.map(|p| to_world.transform_point3(p));
         let mirrored = to_world.matrix3.determinant() < 0.0;
         let edges = [corners[1] - corners[0], corners[2] - corners[0]];
         let cross = edges[0].cross(edges[1]);
-        let normal = cross.normalize_or_zero() * if mirrored { -1.0 } else { 1.0 };
+        let normal = cross.normalize_or_zero() * if mirrored != flipped { -1.0 } else { 1.0 };
         Self { corner: corners[0], edges, normal, area: 0.5 * cross.length(), corner_error }
     }
 

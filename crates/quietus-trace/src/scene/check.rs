@@ -4,7 +4,7 @@ use glam::{Mat3, Vec3};
 
 use super::SceneBuildError as Error;
 use crate::desc::{
-    Environment, EnvironmentLayout, Geometry, Image, Instance, Light, Mesh, SceneDesc, SpotFalloff, Texels,
+    Environment, EnvironmentLayout, Geometry, Image, Instance, Light, Mesh, SceneDesc, Texels,
 };
 use crate::geometry::motion::Motion;
 
@@ -120,10 +120,7 @@ fn light(place: Place, light: &Light) -> Result<(), Error> {
     match *light {
         Light::Point { position, intensity } => point(position).and(color("intensity", intensity)),
         Light::Directional { direction, irradiance } => unit(direction).and(color("irradiance", irradiance)),
-        Light::Spot { position, direction, intensity, inner_angle, outer_angle, falloff } => {
-            if falloff != SpotFalloff::Square {
-                return Err(unsupported(place, "this falloff"));
-            }
+        Light::Spot { position, direction, intensity, inner_angle, outer_angle, .. } => {
             point(position).and(unit(direction)).and(color("intensity", intensity))?;
             let angle =
                 |what, a: f32, sound| value(place, what, a, sound, "0 <= inner angle <= outer angle <= pi");
@@ -136,15 +133,17 @@ fn light(place: Place, light: &Light) -> Result<(), Error> {
 fn environment(environment: &Environment) -> Result<(), Error> {
     let place = || "environment".to_owned();
     let scale = environment.scale;
-    if environment.layout != EnvironmentLayout::LatLong {
-        return Err(unsupported(&place, "this layout"));
-    }
     value(&place, "scale", scale, scale.is_finite() && scale.min_element() >= 0.0, "at least 0, finite")?;
     let rotation = environment.to_world;
     let off = rotation.transpose() * rotation - Mat3::IDENTITY;
     let sound = off.to_cols_array().iter().all(|entry| entry.abs() < 1e-3);
     value(&place, "transform", rotation, sound, "a rotation")?;
-    environment.image.as_ref().map_or(Ok(()), |image| map(image))
+    let Some(image) = &environment.image else { return Ok(()) };
+    let square = environment.layout != EnvironmentLayout::EqualArea || image.width == image.height;
+    let size = || format!("{}x{}", image.width, image.height);
+    let place = || format!("environment map \"{}\"", image.name);
+    value(&place, "size", size(), square, "a square, for the equal-area layout")?;
+    map(image)
 }
 
 fn map(image: &Image) -> Result<(), Error> {

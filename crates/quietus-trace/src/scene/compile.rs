@@ -7,7 +7,9 @@ use crate::bvh::Accel;
 use crate::desc::{Geometry, MaterialId, SceneDesc, Shape};
 use crate::geometry::motion::Motion;
 use crate::interaction::{Placement, mesh_surface, sphere_surface};
-use crate::light::{Emitter, Lights, SphereLight, TriangleLight};
+use crate::light::{
+    Emitter, Emitters, Lights, PatchLight, QuadricLight, SphereLight, SurfaceLight, TriangleLight,
+};
 use crate::material::{MaterialTable, SurfacePoint};
 use crate::warp;
 
@@ -24,7 +26,7 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
         }));
     }
     let mut collector =
-        Collector { desc, materials: &materials, triangles: vec![], spheres: vec![], first: vec![] };
+        Collector { desc, materials: &materials, emitters: Emitters::default(), first: Vec::new() };
     let mut instances = Vec::with_capacity(desc.instances.len());
     let mut motions = Vec::new();
     for (index, instance) in desc.instances.iter().enumerate() {
@@ -41,8 +43,8 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
         });
         collector.instance(index as u32, &placement);
     }
-    let Collector { triangles, spheres, first: first_lights, .. } = collector;
-    let lights = Lights::new(triangles, spheres, &desc.lights, desc.environment.as_ref());
+    let Collector { emitters, first: first_lights, .. } = collector;
+    let lights = Lights::new(emitters, &desc.lights, desc.environment.as_ref());
     let accel = Accel::build(&desc.objects, &desc.instances, |material| materials.is_opaque(material));
     let moves = !motions.is_empty() || shapes.iter().any(|shape| is_deforming(&shape.geometry));
     Scene { accel, materials, lights, instances, shapes, first_lights, motions, moves }
@@ -57,8 +59,8 @@ fn is_deforming(geometry: &Geometry) -> bool {
 struct Collector<'a> {
     desc: &'a SceneDesc,
     materials: &'a MaterialTable,
-    triangles: Vec<Emitter<TriangleLight>>,
-    spheres: Vec<Emitter<SphereLight>>,
+    emitters: Emitters,
+    /// See [`Scene::first_lights`].
     first: Vec<u32>,
 }
 
@@ -78,34 +80,64 @@ impl Collector<'_> {
         }
     }
 
-    /// Adds an emissive shape; returns the number of its first light.
+    /// Adds an emissive shape; returns the number of its first light among its kind.
     fn shape(&mut self, instance: u32, number: u32, shape: &Shape, placement: &Placement) -> u32 {
         let material = shape.material;
         match &shape.geometry {
             Geometry::Mesh(mesh) => {
-                let first = self.triangles.len() as u32;
+                let first = self.emitters.triangles.len() as u32;
                 for (primitive, &indices) in mesh.triangles.iter().enumerate() {
                     let primitive = primitive as u32;
                     let corners = indices.map(|i| mesh.positions[i as usize]);
-                    let geometry = TriangleLight::new(corners, &placement.to_world);
+                    let geometry = TriangleLight::new(corners, &placement.to_world, shape.flipped);
                     let at = |u: Vec2| {
                         let b = warp::triangle(u);
                         mesh_surface(mesh, primitive, b.x, b.y)
                     };
                     let emitter = self.emitter(geometry, [instance, number, primitive], material, at);
-                    self.triangles.push(emitter);
+                    self.emitters.triangles.push(emitter);
                 }
                 first
             }
             Geometry::Sphere { center, radius } => {
-                let geometry = SphereLight::new(*center, *radius, placement.to_world);
+                let geometry = SphereLight::new(*center, *radius, placement.to_world, shape.flipped);
                 let at = |u: Vec2| sphere_surface(warp::uniform_sphere(u));
                 let emitter = self.emitter(geometry, [instance, number, 0], material, at);
-                self.spheres.push(emitter);
-                self.spheres.len() as u32 - 1
+                self.emitters.spheres.push(emitter);
+                self.emitters.spheres.len() as u32 - 1
             }
-            _ => unreachable!("refused when the scene is built"),
+            Geometry::Quadric(quadric) => {
+                let geometry = QuadricLight::new(*quadric, placement.to_world, shape.flipped);
+                self.surface([instance, number, 0], SurfaceLight::Quadric(geometry), material)
+            }
+            Geometry::Patches(mesh) => {
+                let first = self.emitters.surfaces.len() as u32;
+                for (primitive, &indices) in mesh.patches.iter().enumerate() {
+                    let corners = indices.map(|i| mesh.positions[i as usize]);
+                    let geometry = PatchLight::new(corners, &placement.to_world, shape.flipped);
+                    let place = [instance, number, primitive as u32];
+                    self.surface(place, SurfaceLight::Patch(geometry), material);
+                }
+                first
+            }
+            // So thin that light sampling would gain little: paths find them by chance.
+            Geometry::Curves(_) => NO_LIGHT,
         }
+    }
+
+    fn surface(&mut self, place: [u32; 3], geometry: SurfaceLight, material: MaterialId) -> u32 {
+        let [instance, shape, primitive] = place;
+        let varies = self.varies(material);
+        let radiance = self.materials.mean_emission(material);
+        let two_sided = self.materials.emits_two_sided(material);
+        let emitter = Emitter { geometry, instance, shape, primitive, radiance, varies, two_sided };
+        self.emitters.surfaces.push(emitter);
+        self.emitters.surfaces.len() as u32 - 1
+    }
+
+    /// Whether emission or coverage differ from place to place.
+    fn varies(&self, material: MaterialId) -> bool {
+        self.materials.emission_is_textured(material) || !self.materials.is_opaque(material)
     }
 
     fn emitter<G>(
@@ -115,7 +147,7 @@ impl Collector<'_> {
         material: MaterialId,
         at: impl Fn(Vec2) -> SurfacePoint,
     ) -> Emitter<G> {
-        let varies = self.materials.emission_is_textured(material) || !self.materials.is_opaque(material);
+        let varies = self.varies(material);
         let radiance_at = |u: Vec2| {
             let surface = at(u);
             self.materials.emission(material, &surface, true) * self.materials.alpha(material, &surface)

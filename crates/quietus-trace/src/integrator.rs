@@ -161,7 +161,10 @@ impl<I: Isa> Path<'_, I> {
         let weight = if self.pdf == f32::INFINITY {
             1.0
         } else {
-            power_heuristic(self.pdf, self.scene.lights.pdf_of_environment(self.isa, &self.receiver, self.direction))
+            power_heuristic(
+                self.pdf,
+                self.scene.lights.pdf_of_environment(self.isa, &self.receiver, self.direction),
+            )
         };
         self.sample.radiance += self.throughput * radiance * weight;
         if !self.guided {
@@ -189,8 +192,7 @@ impl<I: Isa> Path<'_, I> {
             let weight = if only_way {
                 1.0
             } else {
-                let light_pdf =
-                    self.scene.light_pdf(self.isa, hit, surface, &self.receiver, self.direction);
+                let light_pdf = self.scene.light_pdf(self.isa, hit, surface, &self.receiver, self.direction);
                 power_heuristic(self.pdf, light_pdf)
             };
             self.sample.radiance += self.throughput * radiance * weight;

@@ -75,10 +75,8 @@ impl LightBounds {
 
     /// Of the lights of both.
     pub(super) fn union(&self, other: &Self) -> Self {
-        let bounds = Bounds {
-            min: self.bounds.min.min(other.bounds.min),
-            max: self.bounds.max.max(other.bounds.max),
-        };
+        let bounds =
+            Bounds { min: self.bounds.min.min(other.bounds.min), max: self.bounds.max.max(other.bounds.max) };
         let turned = self.two_sided && other.two_sided && self.axis.dot(other.axis) < 0.0;
         let other_axis = if turned { -other.axis } else { other.axis };
         let (axis, theta_o) = unite_cones((self.axis, self.theta_o), (other_axis, other.theta_o));
@@ -116,8 +114,7 @@ impl LightBounds {
     fn cone_measure(&self) -> f32 {
         let (o, w) = (self.theta_o, (self.theta_o + self.theta_e).min(PI));
         let full = 2.0 * PI * (1.0 - o.cos());
-        let soft =
-            FRAC_PI_2 * (2.0 * w * o.sin() - (o - 2.0 * w).cos() - 2.0 * o * o.sin() + o.cos());
+        let soft = FRAC_PI_2 * (2.0 * w * o.sin() - (o - 2.0 * w).cos() - 2.0 * o * o.sin() + o.cos());
         let sides = if self.two_sided { 2.0 } else { 1.0 };
         (sides * (full + soft)).clamp(1e-6, 4.0 * PI)
     }

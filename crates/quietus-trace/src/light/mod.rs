@@ -161,13 +161,7 @@ impl Lights {
     /// Chooses a light and a direction to it; none where the light cannot be seen by the receiver or shows its dark
     /// side. The density contains the choice of the light.
     #[inline(always)]
-    pub(crate) fn sample<I: Isa>(
-        &self,
-        isa: I,
-        receiver: &Receiver,
-        u_light: f32,
-        u: Vec2,
-    ) -> Option<Found> {
+    pub(crate) fn sample<I: Isa>(&self, isa: I, receiver: &Receiver, u_light: f32, u: Vec2) -> Option<Found> {
         let (light, probability) = self.selector.sample(isa, receiver, u_light)?;
         let (index, from) = (light as usize, receiver.position);
         if let Some(emitter) = self.triangles.get(index) {

@@ -13,7 +13,10 @@ const SPOT_MARGIN: f32 = 1e-3;
 /// A light without extent, ready to be sampled.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum PunctualLight {
-    Point { position: Vec3, intensity: Vec3 },
+    Point {
+        position: Vec3,
+        intensity: Vec3,
+    },
     Spot {
         position: Vec3,
         direction: Vec3,
@@ -22,7 +25,10 @@ pub(crate) enum PunctualLight {
         inverse_range: f32,
         falloff: SpotFalloff,
     },
-    Directional { to_light: Vec3, irradiance: Vec3 },
+    Directional {
+        to_light: Vec3,
+        irradiance: Vec3,
+    },
 }
 
 impl PunctualLight {

@@ -310,7 +310,8 @@ fn spots_may_fade_smoothly() {
     assert!((at(0.5 * (inner + outer)) - 0.5).abs() < 1e-5);
     assert!((at(outer + 0.25 * (inner - outer)) - 0.15625).abs() < 1e-5, "t^2 (3 - 2 t) at a quarter");
     let steps = 20_000;
-    let mean = (0..steps).map(|i| f64::from(at((i as f32 + 0.5) / steps as f32))).sum::<f64>() / f64::from(steps);
+    let mean =
+        (0..steps).map(|i| f64::from(at((i as f32 + 0.5) / steps as f32))).sum::<f64>() / f64::from(steps);
     let power = std::f64::consts::TAU * mean;
     assert!((f64::from(light.power()) - power).abs() < 1e-3 * power, "{} against {power}", light.power());
 }

@@ -36,9 +36,7 @@ fn quadrics() -> Vec<(&'static str, Quadric, Surface)> {
         (
             "cylinder",
             Quadric::Cylinder { radius, z_min: -0.5, z_max: 0.4, phi_max },
-            Box::new(move |u| {
-                Vec3::new(radius * turn(u).cos(), radius * turn(u).sin(), -0.5 + 0.9 * u.y)
-            }),
+            Box::new(move |u| Vec3::new(radius * turn(u).cos(), radius * turn(u).sin(), -0.5 + 0.9 * u.y)),
         ),
     ]
 }

@@ -112,22 +112,24 @@ fn lights_come_up_as_often_as_they_say() {
         let tree = tree_over(&lamps[..count]);
         for (receiver, ..) in receivers(&mut rng, if count == LIGHTS { 6 } else { 1 }) {
             let probability = |light: usize| tree.probability(Portable, &receiver, light as u32);
-            let expected: Vec<f64> = (0..count).map(|l| f64::from(probability(l)) * DRAWS as f64).collect();
-            let mut observed = vec![0u64; count];
-            let total: f64 = expected.iter().sum::<f64>() / DRAWS as f64;
-            if total == 0.0 {
-                assert_eq!(tree.sample(Portable, &receiver, rng.next_1d()), None);
-                suite.judge(1.0, "a receiver in the dark");
-                continue;
-            }
-            assert!((total - 1.0).abs() < 1e-5, "probabilities sum up to {total}");
+            let mut expected: Vec<f64> =
+                (0..count).map(|light| f64::from(probability(light)) * DRAWS as f64).collect();
+            // A group may look brighter than all its lights turn out to be: the choice may come to nothing.
+            let lost = 1.0 - expected.iter().sum::<f64>() / DRAWS as f64;
+            assert!(lost > -1e-5, "probabilities sum up to {}", 1.0 - lost);
+            expected.push(if lost < 1e-5 { 0.0 } else { lost * DRAWS as f64 });
+            let mut observed = vec![0u64; count + 1];
             for _ in 0..DRAWS {
-                let (light, p) = tree.sample(Portable, &receiver, rng.next_1d()).expect("something to see");
+                let Some((light, p)) = tree.sample(Portable, &receiver, rng.next_1d()) else {
+                    observed[count] += 1;
+                    continue;
+                };
                 observed[light as usize] += 1;
                 let up = probability(light as usize);
                 assert!((p - up).abs() <= 1e-6 * up, "{p} on the way down, {up} on the way up");
             }
-            let p = if count == 1 { 1.0 } else { chi_square(&observed, &expected) };
+            let certain = expected.iter().filter(|&&e| e > 0.0).count() == 1;
+            let p = if certain { 1.0 } else { chi_square(&observed, &expected) };
             suite.judge(p, format_args!("{count} lights"));
         }
     }
@@ -196,7 +198,7 @@ fn infinite_lights_get_their_share() {
                 assert_eq!(infinite, 0.0, "nothing shines on it");
                 continue;
             }
-            assert!((infinite + local - 1.0).abs() < 1e-5, "{infinite} and {local}");
+            assert!(infinite + local < 1.0 + 1e-5, "{infinite} and {local}");
             let expected = match irradiance {
                 _ if local == 0.0 => 1.0..=1.0,
                 0.0 => 0.0..=0.0,
@@ -206,7 +208,7 @@ fn infinite_lights_get_their_share() {
             };
             assert!(expected.contains(&infinite), "{infinite} of {irradiance}");
             for u in [0.0, 0.1, 0.25, 0.5, 0.75, 0.99, 1.0 - f32::EPSILON / 2.0] {
-                let (light, p) = selector.sample(Portable, &receiver, u).expect("something to see");
+                let Some((light, p)) = selector.sample(Portable, &receiver, u) else { continue };
                 assert!((p - probability(light)).abs() <= 1e-6 * p);
             }
         }
@@ -235,11 +237,12 @@ fn choices_do_not_depend_on_the_instruction_set() {
 /// Lights in one place, without power, not finite, or of all sizes at once: the tree stands, and finds what shines.
 #[test]
 fn awkward_lights_do_not_break_the_tree() {
-    let at = |position: Vec3, power| {
-        LightBounds::omnidirectional(Bounds { min: position, max: position }, power)
-    };
+    let at =
+        |position: Vec3, power| LightBounds::omnidirectional(Bounds { min: position, max: position }, power);
     assert!(LightTree::new(&[]).is_none());
-    assert!(LightTree::new(&[at(Vec3::ZERO, 0.0), at(Vec3::NAN, 1.0), at(Vec3::ONE, f32::INFINITY)]).is_none());
+    assert!(
+        LightTree::new(&[at(Vec3::ZERO, 0.0), at(Vec3::NAN, 1.0), at(Vec3::ONE, f32::INFINITY)]).is_none()
+    );
     let mut lights = vec![at(Vec3::ONE, 1.0); 50];
     lights.push(at(Vec3::ONE, 0.0));
     lights.extend((0..60).map(|i| at(Vec3::X * 2f32.powi(i - 30), 1.0)));
@@ -249,7 +252,7 @@ fn awkward_lights_do_not_break_the_tree() {
     for position in [Vec3::ZERO, Vec3::ONE, 1e15 * Vec3::Y] {
         let receiver = Receiver::medium(position, 0.0);
         let total: f32 = (0..lights.len() as u32).map(|l| tree.probability(Portable, &receiver, l)).sum();
-        assert!((total - 1.0).abs() < 1e-4, "{total} at {position}");
+        assert!(total > 0.5 && total < 1.0 + 1e-4, "{total} at {position}");
         assert_eq!(tree.probability(Portable, &receiver, 50), 0.0, "a light without power");
     }
 }

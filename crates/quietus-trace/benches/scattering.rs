@@ -23,7 +23,7 @@ fn sampler(c: &mut Criterion) {
     group.bench_function("next_2d", |b| b.iter(|| sampler.next_2d()));
 }
 
-fn bsdfs() -> Vec<(&'static str, Bsdf)> {
+fn bsdfs() -> Vec<(&'static str, Bsdf<'static>)> {
     let plastic = MetalRoughParams { metallic: 0.0, roughness: 0.4, ..Default::default() };
     let coated = MetalRoughParams { clearcoat: 1.0, clearcoat_roughness: 0.1, metallic: 0.5, ..plastic };
     vec![

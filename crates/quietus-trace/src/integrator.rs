@@ -95,14 +95,18 @@ pub(crate) fn sample<I: Isa>(
             path.escape();
             break;
         };
-        let surface = scene.interaction(&hit, &path.ray());
+        let mut surface = scene.interaction(&hit, &path.ray());
         if depth == 1 {
             path.sample.alpha = 1.0;
             path.sample.depth = hit.t * ray.axis_cosine;
         }
         let emission = path.emission(&hit, &surface);
+        surface.material = scene.materials.resolve(surface.material, &surface.surface, || {
+            // Coverage was decided by the upper bits.
+            path.bits(&hit, 2 * depth) << 24
+        });
         let frame = path.frame(&hit, &surface);
-        let bsdf = scene.materials.bsdf(surface.material, &surface.surface);
+        let bsdf = scene.materials.bsdf(surface.material, &surface.surface, path.coverage_key);
         path.guide(emission, &frame, &bsdf);
         if depth == view.max_depth || matches!(bsdf, Bsdf::Black) {
             break;
@@ -147,10 +151,14 @@ impl<I: Isa> Path<'_, I> {
         if coverage <= 0.0 || coverage >= 1.0 {
             return coverage > 0.0;
         }
+        ((self.bits(hit, salt) >> 40) as f32) < coverage * (1u32 << 24) as f32
+    }
+
+    /// Random bits of a hit on a segment (`salt`): the same whenever they are asked for.
+    fn bits(&self, hit: &Hit, salt: u32) -> u64 {
         let place = u64::from(hit.instance) << 32 | u64::from(hit.shape) << 40 ^ u64::from(hit.primitive);
         let entry = u64::from(hit.t.to_bits()) << 32 | u64::from(salt);
-        let bits = mix64(mix64(self.coverage_key ^ place) ^ entry);
-        ((bits >> 40) as f32) < coverage * (1u32 << 24) as f32
+        mix64(mix64(self.coverage_key ^ place) ^ entry)
     }
 
     /// Nothing was hit: adds the environment.
@@ -212,7 +220,7 @@ impl<I: Isa> Path<'_, I> {
         };
         // A shading normal that shows the surface's other side would make it black at its silhouette.
         let toward = self.direction.dot(frame.normal) * self.direction.dot(surface.geometric_normal);
-        if toward > 0.0 { frame } else { Frame::from_normal(surface.geometric_normal) }
+        if toward > 0.0 { frame } else { Frame::from_normal_tangent(surface.geometric_normal, frame.tangent) }
     }
 
     /// Records albedo and normal at the first surface that is not a perfect mirror or glass.
@@ -301,7 +309,7 @@ fn shadow_ray(surface: &Interaction, light: &LightSample, time: f32) -> Ray {
 /// Weight of a sample of density `own` where another strategy has the density `other` (Veach 1997, section 9.2.4,
 /// exponent 2), in the form that neither overflows nor divides 0 by 0.
 #[inline(always)]
-fn power_heuristic(own: f32, other: f32) -> f32 {
+pub(crate) fn power_heuristic(own: f32, other: f32) -> f32 {
     let ratio = other / own;
     1.0 / (1.0 + ratio * ratio)
 }

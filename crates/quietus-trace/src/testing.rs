@@ -145,6 +145,18 @@ impl Mean {
         normal_tail((bound - self.mean) / self.standard_error())
     }
 
+    /// A value known exactly.
+    pub(crate) fn exact(mean: f64) -> Self {
+        Self { n: 2.0, mean, m2: 0.0 }
+    }
+
+    /// p-value of "the expectations differ by a share of `bias` of the larger at most", for independent values.
+    pub(crate) fn p_within(&self, other: &Self, bias: f64) -> f64 {
+        let error = self.standard_error().hypot(other.standard_error());
+        let allowed = bias * self.mean.abs().max(other.mean.abs());
+        2.0 * normal_tail((((self.mean - other.mean).abs() - allowed) / error).max(0.0))
+    }
+
     /// p-value of "both have the same expectation", for independent values.
     pub(crate) fn p_same(&self, other: &Self) -> f64 {
         let error = self.standard_error().hypot(other.standard_error());

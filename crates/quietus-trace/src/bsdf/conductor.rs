@@ -27,7 +27,19 @@ impl Conductor {
     }
 
     pub(super) fn albedo(&self) -> Vec3 {
-        fresnel::conductor(1.0, self.eta, self.k)
+        self.fresnel(1.0)
+    }
+
+    /// Reflectance of a facet at cosine `cos >= 0`.
+    #[inline]
+    pub(super) fn fresnel(&self, cos: f32) -> Vec3 {
+        fresnel::conductor(cos, self.eta, self.k)
+    }
+
+    /// The widths of its facets along x and y; 0 where smooth.
+    #[inline]
+    pub(super) fn alpha(&self) -> Vec2 {
+        self.ggx.map_or(Vec2::ZERO, |g| g.alpha())
     }
 
     #[inline]
@@ -42,7 +54,7 @@ impl Conductor {
         let wi = if wi.z < 0.0 { -wi } else { wi };
         // Twice flipped or not at all: h, wo and wi lie on +z's side.
         let common = ggx.d(h) / (4.0 * wo.z);
-        let f = fresnel::conductor(wo.dot(h).abs(), self.eta, self.k);
+        let f = self.fresnel(wo.dot(h).abs());
         (f * (common * ggx.g2(wo, wi)), common * ggx.g1(wo))
     }
 
@@ -53,7 +65,7 @@ impl Conductor {
         }
         let Some(ggx) = self.ggx else {
             let wi = Vec3::new(-wo.x, -wo.y, wo.z);
-            let weight = fresnel::conductor(wo.z.abs(), self.eta, self.k);
+            let weight = self.fresnel(wo.z.abs());
             return Some(BsdfSample { wi, weight, pdf: 1.0, delta: true, transmission: false, eta: 1.0 });
         };
         let side = 1f32.copysign(wo.z);
@@ -69,7 +81,7 @@ impl Conductor {
         if pdf <= 0.0 {
             return None;
         }
-        let weight = fresnel::conductor(cos.abs(), self.eta, self.k) * (ggx.g2(wo, wi) / ggx.g1(wo));
+        let weight = self.fresnel(cos.abs()) * (ggx.g2(wo, wi) / ggx.g1(wo));
         Some(BsdfSample::reflection(wi * side, weight, pdf))
     }
 }

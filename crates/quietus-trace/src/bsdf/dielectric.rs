@@ -36,6 +36,18 @@ impl Dielectric {
         self.ggx.is_none()
     }
 
+    /// Index inside over outside.
+    #[inline]
+    pub(super) fn ior(&self) -> f32 {
+        self.ior
+    }
+
+    /// The widths of its facets along x and y; 0 where smooth.
+    #[inline]
+    pub(super) fn alpha(&self) -> Vec2 {
+        self.ggx.map_or(Vec2::ZERO, |g| g.alpha())
+    }
+
     pub(super) fn albedo(&self) -> Vec3 {
         let (f, _) = fresnel::dielectric(1.0, self.ior);
         Vec3::splat(f) + (1.0 - f) * self.tint
@@ -49,9 +61,22 @@ impl Dielectric {
 
     #[inline]
     pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
-        let Some(ggx) = self.ggx else { return (Vec3::ZERO, 0.0) };
-        if wo.z == 0.0 || wi.z == 0.0 {
+        let Some(Pair { reflected, f, eta, value, pdf }) = self.pair(wo, wi) else {
             return (Vec3::ZERO, 0.0);
+        };
+        if reflected {
+            (Vec3::splat(f * value), f * pdf)
+        } else {
+            (self.tint * ((1.0 - f) * value / (eta * eta)), (1.0 - f) * pdf)
+        }
+    }
+
+    /// What a rough surface does between two directions; `None` where it is smooth or they see different facets.
+    #[inline]
+    fn pair(&self, wo: Vec3, wi: Vec3) -> Option<Pair> {
+        let ggx = self.ggx?;
+        if wo.z == 0.0 || wi.z == 0.0 {
+            return None;
         }
         let eta = self.relative_eta(wo);
         let side = 1f32.copysign(wo.z);
@@ -64,23 +89,40 @@ impl Dielectric {
         let (cos_o, cos_i) = (wo.dot(h), wi.dot(h));
         // A facet seen from behind contributes nothing.
         if length == 0.0 || cos_o <= 0.0 || (cos_i > 0.0) != reflected {
-            return (Vec3::ZERO, 0.0);
+            return None;
         }
         let (f, _) = fresnel::dielectric(cos_o, eta);
-        let (g1, g2) = (ggx.g1(wo), ggx.g2(wo, wi));
-        if reflected {
-            let common = f * ggx.d(h) / (4.0 * wo.z);
-            (Vec3::splat(common * g2), common * g1)
+        let density = if reflected {
+            ggx.d(h) / (4.0 * wo.z)
         } else {
             // Equations 17 and 21; `length` is their denominator's root.
             let jacobian = eta * eta * -cos_i / (length * length);
-            let common = (1.0 - f) * ggx.d(h) * cos_o / wo.z * jacobian;
-            (self.tint * (common * g2 / (eta * eta)), common * g1)
-        }
+            ggx.d(h) * cos_o / wo.z * jacobian
+        };
+        Some(Pair { reflected, f, eta, value: density * ggx.g2(wo, wi), pdf: density * ggx.g1(wo) })
     }
 
     #[inline]
     pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let facet = self.facet(wo, u)?;
+        let transmission = u_lobe >= facet.f;
+        let Part { wi, shadowing, pdf } = self.part(&facet, transmission)?;
+        let (choice, color, eta) = if transmission {
+            (1.0 - facet.f, self.tint / (facet.eta * facet.eta), facet.eta)
+        } else {
+            (facet.f, Vec3::ONE, 1.0)
+        };
+        let pdf = choice * pdf;
+        // Underflows at directions within rounding of the horizon.
+        if pdf <= 0.0 {
+            return None;
+        }
+        Some(BsdfSample { wi, weight: color * shadowing, pdf, delta: self.is_delta(), transmission, eta })
+    }
+
+    /// A facet that `wo` sees.
+    #[inline]
+    fn facet(&self, wo: Vec3, u: Vec2) -> Option<Facet> {
         if wo.z == 0.0 {
             return None;
         }
@@ -93,15 +135,18 @@ impl Dielectric {
             return None;
         }
         let (f, cos_t) = fresnel::dielectric(cos_o, eta);
-        let transmission = u_lobe >= f;
+        Some(Facet { side, wo, h, cos_o, cos_t, f, eta })
+    }
+
+    /// Where a facet reflects or refracts to; `None` where the microsurface is in the way.
+    #[inline]
+    fn part(&self, facet: &Facet, transmission: bool) -> Option<Part> {
+        let &Facet { side, wo, h, cos_o, cos_t, eta, .. } = facet;
         let wi = if transmission { (cos_o / eta - cos_t) * h - wo / eta } else { 2.0 * cos_o * h - wo };
         if (wi.z < 0.0) != transmission || wi.z == 0.0 {
             return None;
         }
-        let (choice, color, eta) =
-            if transmission { (1.0 - f, self.tint / (eta * eta), eta) } else { (f, Vec3::ONE, 1.0) };
-        let delta = self.ggx.is_none();
-        let (pdf, shadowing) = self.ggx.map_or((choice, 1.0), |ggx| {
+        let (shadowing, pdf) = self.ggx.map_or((1.0, 1.0), |ggx| {
             let g1 = ggx.g1(wo);
             let density = g1 * ggx.d(h) * cos_o / wo.z;
             let jacobian = if transmission {
@@ -110,13 +155,66 @@ impl Dielectric {
             } else {
                 0.25 / cos_o
             };
-            (choice * density * jacobian, ggx.g2(wo, wi) / g1)
+            (ggx.g2(wo, wi) / g1, density * jacobian)
         });
-        // Underflows at directions within rounding of the horizon.
-        if pdf <= 0.0 {
-            return None;
-        }
-        let wi = wi.normalize() * side;
-        Some(BsdfSample { wi, weight: color * shadowing, pdf, delta, transmission, eta })
+        Some(Part { wi: wi.normalize() * side, shadowing, pdf })
     }
+}
+
+/// The two sides on their own, as layers on top of each other want them: as shares of energy, without the compression
+/// of radiance and without the tint.
+impl Dielectric {
+    /// A direction in which light is reflected (or refracted, if `transmission`), the share of light that goes there,
+    /// and the density of the direction given that choice (1 where smooth).
+    #[inline]
+    pub(super) fn sample_part(&self, wo: Vec3, transmission: bool, u: Vec2) -> Option<(Vec3, f32, f32)> {
+        let facet = self.facet(wo, u)?;
+        let share = if transmission { 1.0 - facet.f } else { facet.f };
+        let Part { wi, shadowing, pdf } = self.part(&facet, transmission)?;
+        (share > 0.0 && pdf > 0.0).then_some((wi, share * shadowing, pdf))
+    }
+
+    /// The share of light per steradian around `wi`, cosine included, and the density of
+    /// [`sample_part`](Self::sample_part) there; both 0 where smooth.
+    #[inline]
+    pub(super) fn eval_part(&self, wo: Vec3, wi: Vec3) -> (f32, f32) {
+        let Some(pair) = self.pair(wo, wi) else { return (0.0, 0.0) };
+        let share = if pair.reflected { pair.f } else { 1.0 - pair.f };
+        (share * pair.value, pair.pdf)
+    }
+}
+
+/// Two directions of a rough surface.
+struct Pair {
+    reflected: bool,
+    /// Fresnel reflectance of the facet between them.
+    f: f32,
+    /// Index on `wi`'s far side over the one on `wo`'s.
+    eta: f32,
+    /// BSDF times cosine if all light took this way, as energy.
+    value: f32,
+    /// Density per steradian given that light takes this way.
+    pdf: f32,
+}
+
+/// A facet seen from `wo`.
+struct Facet {
+    /// Sign of the original `wo.z`; the rest is turned to +z.
+    side: f32,
+    wo: Vec3,
+    h: Vec3,
+    cos_o: f32,
+    /// Of the refracted direction.
+    cos_t: f32,
+    f: f32,
+    eta: f32,
+}
+
+/// A direction in which a facet sends light.
+struct Part {
+    wi: Vec3,
+    /// Share of it that the microsurface lets pass.
+    shadowing: f32,
+    /// Density given the choice of the part; 1 where smooth.
+    pdf: f32,
 }

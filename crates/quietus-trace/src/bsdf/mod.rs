@@ -17,6 +17,7 @@ pub mod ggx;
 mod albedo_table;
 mod conductor;
 mod dielectric;
+pub mod layered;
 mod metal_rough;
 mod thin;
 
@@ -26,6 +27,7 @@ use glam::{Vec2, Vec3};
 
 pub use conductor::Conductor;
 pub use dielectric::Dielectric;
+pub use layered::{CoatedDiffuse, Layered};
 pub use metal_rough::{MetalRough, MetalRoughParams};
 pub use thin::{DiffuseTransmission, ThinDielectric};
 
@@ -33,7 +35,7 @@ use crate::warp;
 
 /// The scattering of one surface point: plain data, built anew at each hit.
 #[derive(Clone, Copy, Debug)]
-pub enum Bsdf {
+pub enum Bsdf<'a> {
     /// Scatters nothing.
     Black,
     /// Lambert, on both sides.
@@ -46,6 +48,10 @@ pub enum Bsdf {
     ThinDielectric(ThinDielectric),
     /// Lambert on both sides, and through.
     DiffuseTransmission(DiffuseTransmission),
+    /// A diffuse base under a coat, on both sides.
+    CoatedDiffuse(CoatedDiffuse<'a>),
+    /// Any base under a coat, on both sides.
+    Layered(Layered),
     /// The metallic-roughness model of glTF 2.0, on both sides.
     MetalRough(MetalRough),
 }
@@ -75,7 +81,7 @@ pub struct Diffuse {
     pub reflectance: Vec3,
 }
 
-impl Bsdf {
+impl Bsdf<'_> {
     /// BSDF times `|cos wi|`.
     #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
@@ -88,7 +94,8 @@ impl Bsdf {
         self.eval_pdf(wo, wi).1
     }
 
-    /// [`eval`](Self::eval) and [`pdf`](Self::pdf) at once.
+    /// [`eval`](Self::eval) and [`pdf`](Self::pdf) at once. The value of [`Layered`] is a random estimate, unbiased over
+    /// the keys of paths; its density is exact.
     #[inline]
     pub fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
         match self {
@@ -97,6 +104,8 @@ impl Bsdf {
             Self::DiffuseTransmission(b) => b.eval_pdf(wo, wi),
             Self::Conductor(b) => b.eval_pdf(wo, wi),
             Self::Dielectric(b) => b.eval_pdf(wo, wi),
+            Self::CoatedDiffuse(b) => b.eval_pdf(wo, wi),
+            Self::Layered(b) => b.eval_pdf(wo, wi),
             Self::MetalRough(b) => b.eval_pdf(wo, wi),
         }
     }
@@ -112,6 +121,8 @@ impl Bsdf {
             Self::Dielectric(b) => b.sample(wo, u_lobe, u),
             Self::ThinDielectric(b) => b.sample(wo, u_lobe),
             Self::DiffuseTransmission(b) => b.sample(wo, u_lobe, u),
+            Self::CoatedDiffuse(b) => b.sample(wo, u_lobe, u),
+            Self::Layered(b) => b.sample(wo, u_lobe, u),
             Self::MetalRough(b) => b.sample(wo, u_lobe, u),
         }
     }
@@ -121,9 +132,10 @@ impl Bsdf {
     pub fn is_delta(&self) -> bool {
         match self {
             Self::Black | Self::ThinDielectric(_) => true,
-            Self::Diffuse(_) | Self::DiffuseTransmission(_) => false,
+            Self::Diffuse(_) | Self::DiffuseTransmission(_) | Self::CoatedDiffuse(_) => false,
             Self::Conductor(b) => b.is_delta(),
             Self::Dielectric(b) => b.is_delta(),
+            Self::Layered(b) => b.is_delta(),
             Self::MetalRough(b) => b.is_delta(),
         }
     }
@@ -148,6 +160,8 @@ impl Bsdf {
             Self::Dielectric(b) => b.albedo(),
             Self::ThinDielectric(_) => Vec3::ONE,
             Self::DiffuseTransmission(b) => b.reflectance + b.transmittance,
+            Self::CoatedDiffuse(b) => b.albedo(),
+            Self::Layered(b) => b.albedo(),
             Self::MetalRough(b) => b.albedo(),
         }
     }

@@ -11,18 +11,18 @@ use super::{
 };
 use crate::testing::{Mean, Rng, Suite, chi_square_directions, direction};
 
-fn metal_rough(p: MetalRoughParams) -> Bsdf {
+fn metal_rough(p: MetalRoughParams) -> Bsdf<'static> {
     Bsdf::MetalRough(MetalRough::new(&p))
 }
 
 /// Gold at 630, 532 and 465 nm, roughly.
 const GOLD: (Vec3, Vec3) = (Vec3::new(0.18, 0.42, 1.37), Vec3::new(3.42, 2.35, 1.77));
 
-fn glass(ior: f32, roughness: f32) -> Bsdf {
+fn glass(ior: f32, roughness: f32) -> Bsdf<'static> {
     Bsdf::Dielectric(Dielectric::new(ior, Ggx::from_roughness(roughness), Vec3::ONE))
 }
 
-fn gold(ggx: Option<Ggx>) -> Bsdf {
+fn gold(ggx: Option<Ggx>) -> Bsdf<'static> {
     Bsdf::Conductor(Conductor::new(GOLD.0, GOLD.1, ggx))
 }
 
@@ -32,7 +32,7 @@ fn brushed(along: f32, across: f32) -> Option<Ggx> {
 }
 
 /// Those of one lobe that have a density, over the range of widths from `least_roughness`.
-fn plain_bsdfs(least_roughness: f32) -> Vec<(String, Bsdf)> {
+fn plain_bsdfs(least_roughness: f32) -> Vec<(String, Bsdf<'static>)> {
     let mut all = vec![("diffuse".to_owned(), Bsdf::Diffuse(Diffuse { reflectance: Vec3::ONE }))];
     for roughness in [0.04, 0.15, 0.5, 1.0].into_iter().filter(|&r| r >= least_roughness) {
         all.push((format!("conductor, roughness {roughness}"), gold(Ggx::from_roughness(roughness))));
@@ -51,13 +51,13 @@ fn plain_bsdfs(least_roughness: f32) -> Vec<(String, Bsdf)> {
     all
 }
 
-fn leaf() -> Bsdf {
+fn leaf() -> Bsdf<'static> {
     let (reflectance, transmittance) = (Vec3::new(0.3, 0.6, 0.2), Vec3::new(0.5, 0.4, 0.1));
     Bsdf::DiffuseTransmission(DiffuseTransmission { reflectance, transmittance })
 }
 
 /// Metal-rough surfaces of each kind that has only densities.
-fn layered_bsdfs() -> Vec<(String, Bsdf)> {
+fn layered_bsdfs() -> Vec<(String, Bsdf<'static>)> {
     let base = MetalRoughParams { base_color: Vec3::new(0.9, 0.5, 0.2), ..Default::default() };
     let plastic = MetalRoughParams { metallic: 0.0, roughness: 0.3, ..base };
     let tilt = Vec3::new(0.2, -0.1, 1.0).normalize();
@@ -76,12 +76,12 @@ fn layered_bsdfs() -> Vec<(String, Bsdf)> {
     named.map(|(name, p)| (name.to_owned(), metal_rough(p))).to_vec()
 }
 
-fn all_rough(least_roughness: f32) -> Vec<(String, Bsdf)> {
+fn all_rough(least_roughness: f32) -> Vec<(String, Bsdf<'static>)> {
     [plain_bsdfs(least_roughness), layered_bsdfs()].concat()
 }
 
 /// Those with delta parts.
-fn smooth_bsdfs() -> Vec<(String, Bsdf)> {
+fn smooth_bsdfs() -> Vec<(String, Bsdf<'static>)> {
     let plastic = MetalRoughParams { metallic: 0.0, roughness: 0.0, ..Default::default() };
     let named = [
         ("mirror", gold(None)),
@@ -104,7 +104,7 @@ fn outgoing() -> Vec<Vec3> {
         .to_vec()
 }
 
-fn judge_densities(bsdfs: &[(String, Bsdf)]) {
+fn judge_densities(bsdfs: &[(String, Bsdf<'static>)]) {
     let mut suite = Suite::new(bsdfs.len() * outgoing().len());
     for (i, (name, bsdf)) in bsdfs.iter().enumerate() {
         for (j, wo) in outgoing().into_iter().enumerate() {
@@ -153,7 +153,7 @@ fn random_metal_rough(rng: &mut Rng, white: bool, least_roughness: f32) -> Metal
 }
 
 /// Any BSDF, white where `white`, no lobe narrower than `least_roughness` makes it.
-fn random_bsdf(rng: &mut Rng, white: bool, least_roughness: f32) -> Bsdf {
+fn random_bsdf(rng: &mut Rng, white: bool, least_roughness: f32) -> Bsdf<'static> {
     let color = if white { Vec3::ONE } else { Vec3::new(rng.next_1d(), rng.next_1d(), rng.next_1d()) };
     let roughness = (1.2 * rng.next_1d() - 0.2).max(least_roughness);
     let alpha = roughness.max(0.0).powi(2);
@@ -174,7 +174,7 @@ fn random_bsdf(rng: &mut Rng, white: bool, least_roughness: f32) -> Bsdf {
 }
 
 /// What comes out under light of radiance 1 from all sides, the compression of radiance by `eta^2` undone.
-fn white_furnace(bsdf: &Bsdf, wo: Vec3, rng: &mut Rng, samples: usize) -> Mean {
+fn white_furnace(bsdf: &Bsdf<'_>, wo: Vec3, rng: &mut Rng, samples: usize) -> Mean {
     Mean::of(samples, || {
         let sample = bsdf.sample(wo, rng.next_1d(), rng.next_2d());
         sample.map_or(0.0, |s| f64::from(s.weight.max_element() * s.eta * s.eta))

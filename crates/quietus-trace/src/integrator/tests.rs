@@ -303,7 +303,7 @@ fn sky_furnace_shows_the_albedo_of_every_material() {
         let target = target.normalize() * 0.5 + Vec3::new(0.0, 0.0, 0.75_f32.sqrt());
         scene.sphere(Vec3::ZERO, 1.0, material);
         let compiled = Scene::build(&scene.0).expect("a sound scene");
-        let bsdf = compiled.materials.bsdf(material, &crate::material::SurfacePoint::default());
+        let bsdf = compiled.materials.bsdf(material, &crate::material::SurfacePoint::default(), 0);
         let wo = (eye - target).normalize();
         let wo = crate::frame::Frame::from_normal(target.normalize()).to_local(wo);
         let mut rng = Rng::new(9);

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use glam::{Affine2, Vec2};
 
 use super::*;
+use crate::bsdf::Bsdf;
 use crate::desc::{Image, TexelFilter, Wrap};
+use crate::frame::Frame;
 
 /// One texel, linear.
 fn texture(texel: [f32; 4]) -> Texture {
@@ -52,7 +54,7 @@ fn textures_and_vertex_colours_multiply_the_base_colour() {
     let table = table(texture([0.5, 0.5, 1.0, 1.0]), material(Surface::MetalRough(Box::new(metal_rough))));
     let point = SurfacePoint { color: Vec4::new(0.8, 1.0, 1.0, 1.0), ..Default::default() };
     // Without a specular reflection all light reaches the diffuse lobe.
-    let f = table.bsdf(ID, &point).eval(Vec3::Z, Vec3::Z) * std::f32::consts::PI;
+    let f = table.bsdf(ID, &point, 0).eval(Vec3::Z, Vec3::Z) * std::f32::consts::PI;
     let expected = Vec3::new(0.4, 0.25, 0.25);
     assert!(f.cmple(expected).all() && f.cmpge(0.99 * expected).all(), "{f}");
 }
@@ -65,7 +67,7 @@ fn unlit_surfaces_scatter_nothing_and_show_their_colour() {
         ..Default::default()
     };
     let table = table(texture([1.0; 4]), material(Surface::MetalRough(Box::new(unlit))));
-    assert!(matches!(table.bsdf(ID, &SurfacePoint::default()), Bsdf::Black));
+    assert!(matches!(table.bsdf(ID, &SurfacePoint::default(), 0), Bsdf::Black));
     assert_eq!(table.unlit_color(ID, &SurfacePoint::default()), Some(Vec3::splat(0.3)));
 }
 
@@ -127,7 +129,7 @@ fn the_coat_ignores_the_bumps_of_the_base() {
     let base = table.shading_frame(ID, &point, &smooth);
     let wo = Vec3::new(0.28, 0.0, 0.96);
     // Only the coat is left: it mirrors at the smooth normal.
-    let s = table.bsdf(ID, &point).sample(base.to_local(wo), 0.5, Vec2::splat(0.5)).expect("coat");
+    let s = table.bsdf(ID, &point, 0).sample(base.to_local(wo), 0.5, Vec2::splat(0.5)).expect("coat");
     let wi = base.to_world(s.wi);
     assert!(s.delta && (wi - Vec3::new(-0.28, 0.0, 0.96)).length() < 1e-5, "{wi}");
 }

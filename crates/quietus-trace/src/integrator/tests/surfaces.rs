@@ -25,7 +25,7 @@ fn sky_furnace_shows_what_passes_a_surface() {
         let material = scene.material(surface.clone(), 0.0, Alpha::Opaque);
         scene.add(square(10.0, 0.0, true), material);
         let compiled = Scene::build(&scene.0).expect("a sound scene");
-        let bsdf = compiled.materials.bsdf(material, &SurfacePoint::default());
+        let bsdf = compiled.materials.bsdf(material, &SurfacePoint::default(), 0);
         for side in [1.0, -1.0] {
             let eye = Vec3::new(0.8, side, 0.3);
             let wo = Frame::from_normal(Vec3::Y).to_local(eye.normalize());

@@ -1,0 +1,45 @@
+//! Shading frames: normal maps.
+
+use glam::Vec3;
+
+use super::{MaterialTable, SurfacePoint};
+use crate::{
+    desc::{self, MaterialId, TextureId},
+    frame::Frame,
+};
+
+impl MaterialTable {
+    /// The shading frame with the normal map applied: `frame` is the orthonormal frame of the interpolated normal
+    /// and the mesh's tangent. It is left-handed where that is (under a mirror), as tangent space is then.
+    pub fn shading_frame(&self, id: MaterialId, point: &SurfacePoint, frame: &Frame) -> Frame {
+        let Some(map) = self.material(id).normal_map else { return *frame };
+        let normal = frame.to_world(self.tangent_normal(map, point)).normalize();
+        let mapped = Frame::from_normal_tangent(normal, frame.tangent);
+        let handedness = frame.tangent.cross(frame.bitangent).dot(frame.normal).signum();
+        Frame { bitangent: mapped.bitangent * handedness, ..mapped }
+    }
+
+    /// The normal that a map (texture and scale) gives, of unit length, in tangent space.
+    fn tangent_normal(&self, (TextureId(texture), scale): (TextureId, f32), point: &SurfacePoint) -> Vec3 {
+        let texel = self.textures[texture as usize].lookup(point).truncate();
+        let n = (2.0 * texel - 1.0) * Vec3::new(scale, scale, 1.0);
+        // A normal below the surface says nothing that could be drawn: it is laid flat as far as it must.
+        n.with_z(n.z.max(1e-3)).normalize_or(Vec3::Z)
+    }
+
+    /// The coat's normal in the frame that [`shading_frame`](Self::shading_frame) gives the base. Without a map
+    /// of its own the coat lies smoothly over the base's bumps (KHR_materials_clearcoat).
+    pub(super) fn clearcoat_normal(
+        &self,
+        material: &desc::Material,
+        m: &desc::MetalRough,
+        point: &SurfacePoint,
+    ) -> Vec3 {
+        if m.clearcoat.factor == 0.0 || (m.clearcoat_normal.is_none() && material.normal_map.is_none()) {
+            return Vec3::Z;
+        }
+        let coat = m.clearcoat_normal.map_or(Vec3::Z, |map| self.tangent_normal(map, point));
+        let base = material.normal_map.map_or(Vec3::Z, |map| self.tangent_normal(map, point));
+        Frame::from_normal_tangent(base, Vec3::X).to_local(coat)
+    }
+}

@@ -17,6 +17,7 @@ pub mod ggx;
 mod albedo_table;
 mod conductor;
 mod dielectric;
+pub mod hair;
 pub mod layered;
 mod metal_rough;
 mod thin;
@@ -27,6 +28,7 @@ use glam::{Vec2, Vec3};
 
 pub use conductor::Conductor;
 pub use dielectric::Dielectric;
+pub use hair::{Hair, HairParams};
 pub use layered::{CoatedDiffuse, Layered};
 pub use metal_rough::{MetalRough, MetalRoughParams};
 pub use thin::{DiffuseTransmission, ThinDielectric};
@@ -52,6 +54,8 @@ pub enum Bsdf<'a> {
     CoatedDiffuse(CoatedDiffuse<'a>),
     /// Any base under a coat, on both sides.
     Layered(Layered),
+    /// A fibre; +x runs along it.
+    Hair(Hair),
     /// The metallic-roughness model of glTF 2.0, on both sides.
     MetalRough(MetalRough),
 }
@@ -106,6 +110,7 @@ impl Bsdf<'_> {
             Self::Dielectric(b) => b.eval_pdf(wo, wi),
             Self::CoatedDiffuse(b) => b.eval_pdf(wo, wi),
             Self::Layered(b) => b.eval_pdf(wo, wi),
+            Self::Hair(b) => b.eval_pdf(wo, wi),
             Self::MetalRough(b) => b.eval_pdf(wo, wi),
         }
     }
@@ -123,6 +128,7 @@ impl Bsdf<'_> {
             Self::DiffuseTransmission(b) => b.sample(wo, u_lobe, u),
             Self::CoatedDiffuse(b) => b.sample(wo, u_lobe, u),
             Self::Layered(b) => b.sample(wo, u_lobe, u),
+            Self::Hair(b) => b.sample(wo, u_lobe, u),
             Self::MetalRough(b) => b.sample(wo, u_lobe, u),
         }
     }
@@ -132,7 +138,7 @@ impl Bsdf<'_> {
     pub fn is_delta(&self) -> bool {
         match self {
             Self::Black | Self::ThinDielectric(_) => true,
-            Self::Diffuse(_) | Self::DiffuseTransmission(_) | Self::CoatedDiffuse(_) => false,
+            Self::Diffuse(_) | Self::DiffuseTransmission(_) | Self::CoatedDiffuse(_) | Self::Hair(_) => false,
             Self::Conductor(b) => b.is_delta(),
             Self::Dielectric(b) => b.is_delta(),
             Self::Layered(b) => b.is_delta(),
@@ -162,6 +168,7 @@ impl Bsdf<'_> {
             Self::DiffuseTransmission(b) => b.reflectance + b.transmittance,
             Self::CoatedDiffuse(b) => b.albedo(),
             Self::Layered(b) => b.albedo(),
+            Self::Hair(b) => b.albedo(),
             Self::MetalRough(b) => b.albedo(),
         }
     }

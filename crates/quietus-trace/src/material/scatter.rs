@@ -8,12 +8,15 @@ use rayon::prelude::*;
 use super::{MaterialTable, SurfacePoint};
 use crate::{
     bsdf::{
-        Bsdf, CoatedDiffuse, Conductor, Dielectric, Diffuse, DiffuseTransmission, Layered, MetalRough,
-        MetalRoughParams, ThinDielectric,
+        Bsdf, CoatedDiffuse, Conductor, Dielectric, Diffuse, DiffuseTransmission, Hair, HairParams, Layered,
+        MetalRough, MetalRoughParams, ThinDielectric,
         ggx::Ggx,
+        hair::{absorption_of_pigments, absorption_of_reflectance},
         layered::{Base, CoatTable, LayeredParams},
     },
-    desc::{self, Coat, ColorParam, MaterialId, Metal, Roughness, RoughnessScale, ScalarParam, Surface},
+    desc::{
+        self, Coat, ColorParam, HairColor, MaterialId, Metal, Roughness, RoughnessScale, ScalarParam, Surface,
+    },
 };
 
 /// A metal that is nowhere darker would reflect everything, with an infinite index of refraction.
@@ -91,8 +94,28 @@ impl MaterialTable {
                 let metal = Conductor::new(eta / coat.ior, k / coat.ior, self.facets(roughness, point));
                 self.layered(coat, Base::Conductor(metal), point, key)
             }
+            Surface::Hair(hair) => Bsdf::Hair(self.hair(hair, point)),
             _ => Bsdf::Black,
         }
+    }
+
+    fn hair(&self, hair: &desc::Hair, point: &SurfacePoint) -> Hair {
+        let scalar = |p: &ScalarParam| p.at(point, &self.textures);
+        let color = |p: &ColorParam| p.at(point, &self.textures);
+        let beta_n = scalar(&hair.beta_n);
+        let absorption = match &hair.color {
+            HairColor::Absorption(absorption) => color(absorption),
+            HairColor::Reflectance(reflectance) => {
+                absorption_of_reflectance(color(reflectance), beta_n.clamp(0.0, 1.0))
+            }
+            HairColor::Pigments { eumelanin, pheomelanin } => {
+                absorption_of_pigments(scalar(eumelanin), scalar(pheomelanin))
+            }
+        };
+        // Across a curve v runs from 0 to 1.
+        let h = 2.0 * point.uv[0].y - 1.0;
+        let (beta_m, ior, tilt) = (scalar(&hair.beta_m), hair.ior, hair.alpha);
+        Hair::new(&HairParams { h, ior, absorption, beta_m, beta_n, tilt })
     }
 
     fn layered(&self, coat: &Coat, base: Base, point: &SurfacePoint, key: u64) -> Bsdf<'_> {

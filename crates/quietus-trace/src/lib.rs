@@ -15,6 +15,7 @@ mod interaction;
 pub mod isa;
 mod light;
 pub mod material;
+pub mod medium;
 pub mod sampler;
 pub mod scene;
 #[cfg(test)]

@@ -14,6 +14,7 @@ use crate::geometry::motion::Motion;
 use crate::interaction::{Interaction, Placement, mesh_surface, sphere_surface};
 use crate::isa::Isa;
 use crate::light::{Environment, Found, LightSample, Lights, Receiver};
+use crate::medium::{Border, Inside, Medium};
 use crate::material::{MaterialError, MaterialTable, SurfacePoint};
 
 /// Why a description cannot be drawn. Every message names the part by its index and, where it has one, its name.
@@ -74,6 +75,9 @@ pub struct Scene {
     pub(crate) accel: Accel,
     pub(crate) materials: MaterialTable,
     pub(crate) lights: Lights,
+    pub(crate) media: Vec<Medium>,
+    /// Whether there are surfaces that are nothing but borders between media.
+    has_borders: bool,
     instances: Vec<PlacedObject>,
     /// The shapes of all objects, object after object.
     shapes: Vec<CompiledShape>,
@@ -109,6 +113,10 @@ struct CompiledShape {
     material: MaterialId,
     /// Whether the material looks at texture coordinates.
     textured: bool,
+    /// The media on its sides.
+    border: Option<Border>,
+    /// Whether it is nothing but such a border.
+    only_border: bool,
 }
 
 impl Scene {
@@ -137,6 +145,26 @@ impl Scene {
     fn shape(&self, instance: u32, shape: u32) -> (&PlacedObject, &CompiledShape) {
         let placed = &self.instances[instance as usize];
         (placed, &self.shapes[(placed.first_shape + shape) as usize])
+    }
+
+    /// Whether any surface is nothing but a border between media.
+    #[inline(always)]
+    pub(crate) fn has_borders(&self) -> bool {
+        self.has_borders
+    }
+
+    /// Whether a hit is on a surface that is nothing but a border between media.
+    #[inline(always)]
+    pub(crate) fn is_border(&self, hit: &Hit) -> bool {
+        self.shape(hit.instance, hit.shape).1.only_border
+    }
+
+    /// The medium in direction `w` from the surface of `hit`, for light that is in the medium `inside` where it does
+    /// not border on others.
+    #[inline(always)]
+    pub(crate) fn beyond(&self, hit: &Hit, surface: &Interaction, w: Vec3, inside: Inside) -> Inside {
+        let border = self.shape(hit.instance, hit.shape).1.border;
+        border.map_or(inside, |border| border.beyond(w, surface.geometric_normal))
     }
 
     /// Whether anything moves while the shutter is open.

@@ -6,6 +6,7 @@ use crate::camera::{Camera, CameraError};
 use crate::desc;
 use crate::filter::{Filter, FilterError, FilterSampler};
 use crate::isa::Level;
+use crate::medium::Inside;
 
 /// Why there is no such view.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -25,6 +26,8 @@ pub struct View {
     pub(crate) filter: FilterSampler,
     pub(crate) max_depth: u32,
     pub(crate) seed: u64,
+    /// The medium the camera stands in.
+    pub(crate) medium: Inside,
     pub(crate) level: Level,
 }
 
@@ -48,6 +51,7 @@ impl View {
             filter: FilterSampler::new(filter)?,
             max_depth,
             seed,
+            medium: Inside::new(camera.medium),
             level: Level::detect(),
         })
     }

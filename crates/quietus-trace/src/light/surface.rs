@@ -34,6 +34,14 @@ struct Point {
 impl QuadricLight {
     /// `quadric` under an invertible transform.
     pub(crate) fn new(quadric: Quadric, to_world: Affine3A, flipped: bool) -> Self {
+        let quadric = match quadric {
+            // Heights may reach beyond the poles.
+            Quadric::PartialSphere { radius, z_min, z_max, phi_max } => {
+                let [z_min, z_max] = [z_min, z_max].map(|z| z.clamp(-radius, radius));
+                Quadric::PartialSphere { radius, z_min, z_max, phi_max }
+            }
+            other => other,
+        };
         let object_area = match quadric {
             Quadric::Disk { radius, inner_radius, phi_max, .. } => {
                 0.5 * phi_max * (radius * radius - inner_radius * inner_radius)

@@ -4,7 +4,7 @@ use glam::{Mat3, Vec3};
 
 use super::SceneBuildError as Error;
 use crate::desc::{
-    Environment, EnvironmentLayout, Geometry, Image, Instance, Light, Mesh, SceneDesc, Texels,
+    Environment, EnvironmentLayout, Geometry, Image, Instance, Light, Medium, MediumInterface, Mesh, SceneDesc, Texels,
 };
 use crate::geometry::motion::Motion;
 
@@ -14,9 +14,10 @@ pub(super) fn scene(desc: &SceneDesc) -> Result<(), Error> {
         for (s, shape) in object.shapes.iter().enumerate() {
             let place = || format!("object {o} \"{}\", shape {s}", object.name);
             index(&place, "material", shape.material.0, desc.materials.len())?;
-            if shape.media.is_some() || shape.flipped {
-                return Err(unsupported(&place, "a border between media, or a flipped shape"));
+            if shape.flipped {
+                return Err(unsupported(&place, "a flipped shape"));
             }
+            media(&place, shape.media, desc.media.len())?;
             match &shape.geometry {
                 Geometry::Mesh(mesh) => self::mesh(&place, mesh)?,
                 Geometry::Sphere { center, radius } => sphere(&place, *center, *radius)?,
@@ -26,6 +27,14 @@ pub(super) fn scene(desc: &SceneDesc) -> Result<(), Error> {
     }
     for (i, instance) in desc.instances.iter().enumerate() {
         self::instance(&|| format!("instance {i}"), instance, desc.objects.len())?;
+    }
+    for (i, medium) in desc.media.iter().enumerate() {
+        self::medium(&|| format!("medium {i} \"{}\"", medium.name), medium)?;
+    }
+    for (i, camera) in desc.cameras.iter().enumerate() {
+        if let Some(medium) = camera.medium {
+            index(&|| format!("camera {i} \"{}\"", camera.name), "medium", medium.0, desc.media.len())?;
+        }
     }
     for (i, light) in desc.lights.iter().enumerate() {
         self::light(&|| format!("light {i}"), light)?;
@@ -110,6 +119,26 @@ fn instance(place: Place, instance: &Instance, objects: usize) -> Result<(), Err
     let sound = Motion::new(&instance.to_world, end).is_some();
     let expected = "an invertible matrix of finite numbers that mirrors if that at the start does";
     value(place, "transform when the shutter closes", end, sound, expected)
+}
+
+fn media(place: Place, interface: Option<MediumInterface>, count: usize) -> Result<(), Error> {
+    let Some(MediumInterface { inside, outside }) = interface else { return Ok(()) };
+    for medium in [inside, outside].into_iter().flatten() {
+        index(place, "medium", medium.0, count)?;
+    }
+    Ok(())
+}
+
+fn medium(place: Place, medium: &Medium) -> Result<(), Error> {
+    let coefficients = [
+        ("absorption", medium.absorption),
+        ("scattering", medium.scattering),
+        ("emission", medium.emission),
+    ];
+    for (what, c) in coefficients {
+        value(place, what, c, c.is_finite() && c.min_element() >= 0.0, "at least 0, finite")?;
+    }
+    value(place, "asymmetry", medium.g, (-1.0..=1.0).contains(&medium.g), "a number in -1..1")
 }
 
 fn light(place: Place, light: &Light) -> Result<(), Error> {

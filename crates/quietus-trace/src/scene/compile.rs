@@ -4,13 +4,14 @@ use glam::{Vec2, Vec3};
 
 use super::{CompiledShape, NO_LIGHT, PlacedObject, STILL, Scene};
 use crate::bvh::Accel;
-use crate::desc::{Geometry, MaterialId, SceneDesc, Shape};
+use crate::desc::{Geometry, MaterialId, SceneDesc, Shape, Surface};
 use crate::geometry::motion::Motion;
 use crate::interaction::{Placement, mesh_surface, sphere_surface};
 use crate::light::{
     Emitter, Emitters, Lights, PatchLight, QuadricLight, SphereLight, SurfaceLight, TriangleLight,
 };
 use crate::material::{MaterialTable, SurfacePoint};
+use crate::medium::{Border, Medium};
 use crate::warp;
 
 /// Compiles a description that has been checked.
@@ -23,6 +24,8 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
             geometry: s.geometry.clone(),
             material: s.material,
             textured: materials.is_textured(s.material),
+            border: Border::new(s.media),
+            only_border: is_interface(desc, s.material) && Border::new(s.media).is_some(),
         }));
     }
     let mut collector =
@@ -47,12 +50,19 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
     let lights = Lights::new(emitters, &desc.lights, desc.environment.as_ref());
     let accel = Accel::build(&desc.objects, &desc.instances, |material| materials.is_opaque(material));
     let moves = !motions.is_empty() || shapes.iter().any(|shape| is_deforming(&shape.geometry));
-    Scene { accel, materials, lights, instances, shapes, first_lights, motions, moves }
+    let media = desc.media.iter().map(Medium::new).collect();
+    let has_borders = shapes.iter().any(|shape| shape.only_border);
+    Scene { accel, materials, lights, media, has_borders, instances, shapes, first_lights, motions, moves }
 }
 
 /// Whether it changes its form.
 fn is_deforming(geometry: &Geometry) -> bool {
     matches!(geometry, Geometry::Mesh(mesh) if !mesh.end_positions.is_empty())
+}
+
+/// Whether a material is nothing but a border between media.
+fn is_interface(desc: &SceneDesc, material: MaterialId) -> bool {
+    matches!(desc.materials[material.0 as usize].surface, Surface::Interface)
 }
 
 /// Gathers emissive surfaces.
@@ -71,7 +81,7 @@ impl Collector<'_> {
         for (number, shape) in object.shapes.iter().enumerate() {
             // What moves is left to paths that hit it: the lights' tables know one place for each.
             let moves = instance.motion().is_some() || is_deforming(&shape.geometry);
-            let first = if self.materials.emits(shape.material) && !moves {
+            let first = if self.materials.emits(shape.material) && !moves && !is_interface(self.desc, shape.material) {
                 self.shape(index, number as u32, shape, placement)
             } else {
                 NO_LIGHT

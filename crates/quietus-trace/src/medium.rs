@@ -1,0 +1,112 @@
+//! What lies between surfaces: homogeneous media that absorb, scatter and emit.
+//!
+//! A path knows the medium it is in; where it crosses a border, the side it leaves to decides what comes next (no
+//! nesting, no priorities: as pbrt-v4 does). How far it flies is drawn per segment between two surfaces, all media
+//! on the way at once, see [`Flight`].
+
+mod flight;
+mod henyey_greenstein;
+#[cfg(test)]
+mod tests;
+
+use glam::Vec3;
+
+use crate::desc::{self, MediumId, MediumInterface};
+pub(crate) use flight::{Flight, Passage, Scattered};
+pub use henyey_greenstein::HenyeyGreenstein;
+
+/// A homogeneous medium, ready to be asked. Coefficients are per metre.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Medium {
+    /// Absorption and scattering together.
+    extinction: Vec3,
+    scattering: Vec3,
+    /// Radiance emitted per metre.
+    emission: Vec3,
+    pub(crate) phase: HenyeyGreenstein,
+    scatters: bool,
+    emits: bool,
+}
+
+impl Medium {
+    /// Compiles a medium whose numbers have been checked.
+    pub(crate) fn new(medium: &desc::Medium) -> Self {
+        let emission = medium.emission * medium.absorption;
+        Self {
+            extinction: medium.absorption + medium.scattering,
+            scattering: medium.scattering,
+            emission,
+            phase: HenyeyGreenstein::new(medium.g),
+            scatters: medium.scattering != Vec3::ZERO,
+            emits: emission != Vec3::ZERO,
+        }
+    }
+
+    /// Share of light left after `distance`, which may be infinite.
+    #[inline]
+    fn transmittance(&self, distance: f32) -> Vec3 {
+        // 0 times infinity is nothing that has been absorbed.
+        (-self.extinction * distance.min(f32::MAX)).map(f32::exp)
+    }
+
+    /// Radiance emitted over `distance` towards its start: `j (1 - exp(-sigma d)) / sigma`.
+    #[inline]
+    pub(crate) fn emitted(&self, distance: f32) -> Vec3 {
+        if !self.emits {
+            return Vec3::ZERO;
+        }
+        let thickness = self.extinction * distance.min(f32::MAX);
+        // Emission needs absorption, so there is extinction where there is emission.
+        let mean = |t: f32| if t > 0.0 { -(-t).exp_m1() } else { 0.0 };
+        let inverse = self.extinction.map(|s| if s > 0.0 { 1.0 / s } else { 0.0 });
+        self.emission * thickness.map(mean) * inverse
+    }
+
+    /// Single-scattering albedo, a colour that stands for the medium.
+    pub(crate) fn albedo(&self) -> Vec3 {
+        let share = |s: f32, t: f32| if t > 0.0 { s / t } else { 0.0 };
+        let (s, t) = (self.scattering, self.extinction);
+        Vec3::new(share(s.x, t.x), share(s.y, t.y), share(s.z, t.z))
+    }
+}
+
+/// Where light is: in a medium, or in vacuum.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Inside(u32);
+
+impl Inside {
+    /// No medium.
+    pub(crate) const VACUUM: Self = Self(u32::MAX);
+
+    /// In the medium of this number, or in vacuum.
+    pub(crate) fn new(medium: Option<MediumId>) -> Self {
+        medium.map_or(Self::VACUUM, |MediumId(id)| Self(id))
+    }
+
+    /// The medium, if there is one.
+    #[inline]
+    pub(crate) fn of(self, media: &[Medium]) -> Option<&Medium> {
+        media.get(self.0 as usize)
+    }
+}
+
+/// The media on both sides of a surface, if it is a border between two.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Border {
+    inside: Inside,
+    outside: Inside,
+}
+
+impl Border {
+    /// None where both sides are the same: such a surface stands in a medium and borders on none, whatever it says.
+    pub(crate) fn new(interface: Option<MediumInterface>) -> Option<Self> {
+        let MediumInterface { inside, outside } = interface?;
+        (inside != outside).then(|| Self { inside: Inside::new(inside), outside: Inside::new(outside) })
+    }
+
+    /// What lies in direction `w` from a surface with this geometric normal.
+    #[inline]
+    pub(crate) fn beyond(&self, w: Vec3, normal: Vec3) -> Inside {
+        if w.dot(normal) > 0.0 { self.outside } else { self.inside }
+    }
+}

@@ -12,7 +12,7 @@ mod tests;
 use glam::Vec3;
 
 use crate::desc::{self, MediumId, MediumInterface};
-pub(crate) use flight::{Flight, Passage, Scattered};
+pub(crate) use flight::{Flight, Passage};
 pub use henyey_greenstein::HenyeyGreenstein;
 
 /// A homogeneous medium, ready to be asked. Coefficients are per metre.

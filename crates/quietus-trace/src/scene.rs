@@ -14,8 +14,8 @@ use crate::geometry::motion::Motion;
 use crate::interaction::{Interaction, Placement, mesh_surface, sphere_surface};
 use crate::isa::Isa;
 use crate::light::{Environment, Found, LightSample, Lights, Receiver};
-use crate::medium::{Border, Inside, Medium};
 use crate::material::{MaterialError, MaterialTable, SurfacePoint};
+use crate::medium::{Border, Inside, Medium};
 
 /// Why a description cannot be drawn. Every message names the part by its index and, where it has one, its name.
 #[derive(Clone, Debug, Error, PartialEq)]

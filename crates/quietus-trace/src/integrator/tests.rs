@@ -2,6 +2,7 @@
 
 mod motion;
 mod surfaces;
+mod volume;
 
 use std::f64::consts::PI;
 use std::sync::Arc;

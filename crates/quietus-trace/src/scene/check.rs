@@ -4,7 +4,8 @@ use glam::{Mat3, Vec3};
 
 use super::SceneBuildError as Error;
 use crate::desc::{
-    Environment, EnvironmentLayout, Geometry, Image, Instance, Light, Medium, MediumInterface, Mesh, SceneDesc, Texels,
+    Environment, EnvironmentLayout, Geometry, Image, Instance, Light, Medium, MediumInterface, Mesh,
+    SceneDesc, Texels,
 };
 use crate::geometry::motion::Motion;
 
@@ -130,11 +131,8 @@ fn media(place: Place, interface: Option<MediumInterface>, count: usize) -> Resu
 }
 
 fn medium(place: Place, medium: &Medium) -> Result<(), Error> {
-    let coefficients = [
-        ("absorption", medium.absorption),
-        ("scattering", medium.scattering),
-        ("emission", medium.emission),
-    ];
+    let coefficients =
+        [("absorption", medium.absorption), ("scattering", medium.scattering), ("emission", medium.emission)];
     for (what, c) in coefficients {
         value(place, what, c, c.is_finite() && c.min_element() >= 0.0, "at least 0, finite")?;
     }

@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::{CompiledShape, NO_LIGHT, PlacedObject, STILL, Scene};
 use crate::bvh::Accel;
-use crate::desc::{Geometry, MaterialId, SceneDesc, Shape, Surface};
+use crate::desc::{Geometry, MaterialId, SceneDesc, Shape};
 use crate::geometry::motion::Motion;
 use crate::interaction::{Placement, mesh_surface, sphere_surface};
 use crate::light::{
@@ -25,7 +25,7 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
             material: s.material,
             textured: materials.is_textured(s.material),
             border: Border::new(s.media),
-            only_border: is_interface(desc, s.material) && Border::new(s.media).is_some(),
+            only_border: materials.is_interface(s.material) && Border::new(s.media).is_some(),
         }));
     }
     let mut collector =
@@ -60,11 +60,6 @@ fn is_deforming(geometry: &Geometry) -> bool {
     matches!(geometry, Geometry::Mesh(mesh) if !mesh.end_positions.is_empty())
 }
 
-/// Whether a material is nothing but a border between media.
-fn is_interface(desc: &SceneDesc, material: MaterialId) -> bool {
-    matches!(desc.materials[material.0 as usize].surface, Surface::Interface)
-}
-
 /// Gathers emissive surfaces.
 struct Collector<'a> {
     desc: &'a SceneDesc,
@@ -81,11 +76,10 @@ impl Collector<'_> {
         for (number, shape) in object.shapes.iter().enumerate() {
             // What moves is left to paths that hit it: the lights' tables know one place for each.
             let moves = instance.motion().is_some() || is_deforming(&shape.geometry);
-            let first = if self.materials.emits(shape.material) && !moves && !is_interface(self.desc, shape.material) {
-                self.shape(index, number as u32, shape, placement)
-            } else {
-                NO_LIGHT
-            };
+            // Borders between media are not seen and shine as little.
+            let shines = self.materials.emits(shape.material) && !self.materials.is_interface(shape.material);
+            let first =
+                if shines && !moves { self.shape(index, number as u32, shape, placement) } else { NO_LIGHT };
             self.first.push(first);
         }
     }

@@ -1,9 +1,12 @@
 //! The camera: a place on the film and a place on the lens become a ray.
 
+use std::f32::consts::PI;
+
 use glam::{Affine3A, Vec2, Vec3};
 use thiserror::Error;
 
-use crate::desc;
+use crate::desc::{self, FrameAxis};
+use crate::geometry::motion::Motion;
 
 /// Why a camera cannot be used.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -11,15 +14,21 @@ pub enum CameraError {
     /// Nothing to see.
     #[error("the frame is {0}x{1} pixels; both sides must be at least 1")]
     EmptyFrame(u32, u32),
-    /// `fov_y` outside of 0..pi.
-    #[error(
-        "camera \"{name}\": the vertical field of view is {fov_y} radians; expected more than 0 and less than pi"
-    )]
+    /// An angle of view outside of 0..pi.
+    #[error("camera \"{name}\": the field of view is {fov} radians; expected more than 0 and less than pi")]
     FieldOfView {
         /// The camera's name.
         name: String,
         /// What it said.
-        fov_y: f32,
+        fov: f32,
+    },
+    /// An orthographic camera that sees nothing.
+    #[error("camera \"{name}\": the frame's extent is {extent}; expected a finite number above 0")]
+    Extent {
+        /// The camera's name.
+        name: String,
+        /// What it said.
+        extent: f32,
     },
     /// A lens that makes no sense.
     #[error(
@@ -34,31 +43,57 @@ pub enum CameraError {
         /// What it said.
         focus_distance: f32,
     },
-    /// Something the description can say and the renderer does not draw.
-    #[error("camera \"{name}\": only perspective cameras that stand still outside of media are supported")]
-    Unsupported {
+    /// A lens before a whole sphere of directions.
+    #[error(
+        "camera \"{name}\": a spherical camera has no lens; expected a lens radius of 0, found {lens_radius}"
+    )]
+    SphericalLens {
+        /// The camera's name.
+        name: String,
+        /// What it said.
+        lens_radius: f32,
+    },
+    /// A medium around the camera.
+    #[error("camera \"{name}\": cameras inside of media are not supported")]
+    Medium {
         /// The camera's name.
         name: String,
     },
-    /// `to_world` scales, shears or is not finite.
+    /// A transform that scales, shears or is not finite, at either end of the shutter's time.
     #[error("camera \"{name}\": its transform is not a rotation with translation")]
     Transform {
         /// The camera's name.
         name: String,
     },
+    /// It mirrors when the shutter opens, and does not when it closes, or the other way round.
+    #[error("camera \"{name}\": it is mirrored at one end of its motion alone; expected both or neither")]
+    Motion {
+        /// The camera's name.
+        name: String,
+    },
 }
 
-/// A perspective camera with a thin lens, ready for one frame size.
+/// A camera, ready for one frame size.
 #[derive(Clone, Debug)]
 pub struct Camera {
+    /// When the shutter opens.
     to_world: Affine3A,
-    /// Viewing axis in the world, of unit length.
-    forward: Vec3,
-    /// From pixels right of and below the frame's centre to camera space at distance 1.
-    pixel_size: f32,
+    motion: Option<Motion>,
+    projection: Projection,
     half_frame: Vec2,
     lens_radius: f32,
     focus_distance: f32,
+}
+
+/// How places on the film become directions, with the sizes of pixels.
+#[derive(Clone, Copy, Debug)]
+enum Projection {
+    /// Size of a pixel at distance 1 along the axis.
+    Perspective(f32),
+    /// Size of a pixel.
+    Orthographic(f32),
+    /// Angles across one pixel: longitude and latitude.
+    Spherical(Vec2),
 }
 
 /// A ray that leaves the camera.
@@ -68,8 +103,20 @@ pub struct CameraRay {
     pub origin: Vec3,
     /// Of unit length, in the world.
     pub direction: Vec3,
-    /// Cosine between the direction and the viewing axis: distance times this is depth.
+    /// Cosine between the direction and the viewing axis: distance times this is depth. 1 for spherical cameras, whose
+    /// depth is distance.
     pub axis_cosine: f32,
+    /// The cone that the pixel sees around the ray.
+    pub cone: Cone,
+}
+
+/// A cone around a ray: how much of the world it stands for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cone {
+    /// Its radius where the ray starts.
+    pub radius: f32,
+    /// What the radius grows by per unit of distance.
+    pub spread: f32,
 }
 
 impl Camera {
@@ -77,38 +124,34 @@ impl Camera {
     ///
     /// # Errors
     /// A frame without pixels, a field of view outside of 0..pi, a lens without a positive focus distance, a
-    /// transform that is not orthonormal.
+    /// transform that is not orthonormal, a motion into a mirror; a medium around it.
     pub fn new(camera: &desc::Camera, width: u32, height: u32) -> Result<Self, CameraError> {
         let name = || camera.name.clone();
         if width == 0 || height == 0 {
             return Err(CameraError::EmptyFrame(width, height));
         }
-        let desc::Projection::Perspective { fov: fov_y, axis: desc::FrameAxis::Vertical } = camera.projection
-        else {
-            return Err(CameraError::Unsupported { name: name() });
-        };
-        if camera.end_to_world.is_some() || camera.medium.is_some() {
-            return Err(CameraError::Unsupported { name: name() });
+        if camera.medium.is_some() {
+            return Err(CameraError::Medium { name: name() });
         }
-        if !(fov_y > 0.0 && fov_y < std::f32::consts::PI) {
-            return Err(CameraError::FieldOfView { name: name(), fov_y });
-        }
-        let (lens_radius, focus_distance) = (camera.lens_radius, camera.focus_distance);
-        let sharp = focus_distance > 0.0 && focus_distance.is_finite();
-        if !(lens_radius == 0.0 || lens_radius > 0.0 && lens_radius.is_finite() && sharp) {
-            return Err(CameraError::Lens { name: name(), lens_radius, focus_distance });
-        }
-        if !is_rigid(&camera.to_world) {
+        let frame = Vec2::new(width as f32, height as f32);
+        let projection = projection(camera, frame)?;
+        check_lens(camera)?;
+        if !is_rigid(&camera.to_world) || !camera.end_to_world.as_ref().is_none_or(is_rigid) {
             return Err(CameraError::Transform { name: name() });
+        }
+        let end = camera.end_to_world.filter(|end| *end != camera.to_world);
+        let motion = end.map(|end| Motion::new(&camera.to_world, &end));
+        if motion.is_some_and(|motion| motion.is_none()) {
+            return Err(CameraError::Motion { name: name() });
         }
         Ok(Self {
             to_world: camera.to_world,
-            forward: -Vec3::from(camera.to_world.matrix3.z_axis),
-            pixel_size: 2.0 * (0.5 * fov_y).tan() / height as f32,
-            half_frame: 0.5 * Vec2::new(width as f32, height as f32),
-            lens_radius,
+            motion: motion.flatten(),
+            projection,
+            half_frame: 0.5 * frame,
+            lens_radius: camera.lens_radius,
             // A pinhole may come without a distance; any one gives the same ray.
-            focus_distance: if lens_radius > 0.0 { focus_distance } else { 1.0 },
+            focus_distance: if camera.lens_radius > 0.0 { camera.focus_distance } else { 1.0 },
         })
     }
 
@@ -118,25 +161,90 @@ impl Camera {
         self.lens_radius > 0.0
     }
 
-    /// The ray through `film`, in pixels from the frame's top left corner, and through the point of the lens that
-    /// `lens`, in the unit disk, stands for.
+    /// Whether rays depend on the time.
     #[inline]
-    pub fn ray(&self, film: Vec2, lens: Vec2) -> CameraRay {
-        let offset = (film - self.half_frame) * self.pixel_size;
-        let focus = Vec3::new(offset.x, -offset.y, -1.0) * self.focus_distance;
+    pub(crate) fn moves(&self) -> bool {
+        self.motion.is_some()
+    }
+
+    /// The ray through `film`, in pixels from the frame's top left corner, and through the point of the lens that
+    /// `lens`, in the unit disk, stands for, at `time` in 0..=1 of the shutter's time.
+    #[inline]
+    pub fn ray(&self, film: Vec2, lens: Vec2, time: f32) -> CameraRay {
+        let to_world = self.motion.as_ref().map_or(self.to_world, |motion| motion.at(time));
+        let offset = (film - self.half_frame) * Vec2::new(1.0, -1.0);
         let start = (lens * self.lens_radius).extend(0.0);
-        let direction = self.to_world.transform_vector3(focus - start).normalize();
+        // A cone's radius is half a pixel across the ray, narrowed for all that samples of the pixel see of it.
+        let ray = match self.projection {
+            Projection::Perspective(pixel) => {
+                let focus = (offset * pixel).extend(-1.0) * self.focus_distance;
+                let local = (focus - start).normalize();
+                let cone = Cone { radius: 0.0, spread: NARROWED * 0.5 * pixel * -local.z };
+                CameraRay { origin: start, direction: local, axis_cosine: -local.z, cone }
+            }
+            Projection::Orthographic(pixel) => {
+                let place = (offset * pixel).extend(0.0);
+                let local = (Vec3::new(0.0, 0.0, -self.focus_distance) - start).normalize();
+                let cone = Cone { radius: NARROWED * 0.5 * pixel, spread: 0.0 };
+                CameraRay { origin: place + start, direction: local, axis_cosine: -local.z, cone }
+            }
+            Projection::Spherical(pixel) => {
+                let (longitude, latitude) = (offset.x * pixel.x, offset.y * pixel.y);
+                let (around, up) = (longitude.sin_cos(), latitude.sin_cos());
+                let direction = Vec3::new(around.0 * up.1, up.0, -around.1 * up.1);
+                let cone = Cone { radius: 0.0, spread: NARROWED * 0.5 * pixel.min_element() * up.1.abs() };
+                CameraRay { origin: Vec3::ZERO, direction, axis_cosine: 1.0, cone }
+            }
+        };
         CameraRay {
-            origin: self.to_world.transform_point3(start),
-            direction,
-            axis_cosine: direction.dot(self.forward),
+            origin: to_world.transform_point3(ray.origin),
+            direction: to_world.transform_vector3(ray.direction).normalize(),
+            ..ray
         }
     }
+}
+
+/// Share of a pixel that a ray's cone covers. A pixel's own samples see all of it: filtering textures over it once
+/// more would blur them for nothing. A quarter leaves a picture as sharp as without any filtering, and look-ups no
+/// finer than 16 places in the pixel.
+const NARROWED: f32 = 0.25;
+
+fn projection(camera: &desc::Camera, frame: Vec2) -> Result<Projection, CameraError> {
+    let side = |axis| match axis {
+        FrameAxis::Vertical => frame.y,
+        FrameAxis::Shorter => frame.min_element(),
+    };
+    let name = || camera.name.clone();
+    match camera.projection {
+        desc::Projection::Perspective { fov, axis } if fov > 0.0 && fov < PI => {
+            Ok(Projection::Perspective(2.0 * (0.5 * fov).tan() / side(axis)))
+        }
+        desc::Projection::Perspective { fov, .. } => Err(CameraError::FieldOfView { name: name(), fov }),
+        desc::Projection::Orthographic { extent, axis } if extent > 0.0 && extent.is_finite() => {
+            Ok(Projection::Orthographic(extent / side(axis)))
+        }
+        desc::Projection::Orthographic { extent, .. } => Err(CameraError::Extent { name: name(), extent }),
+        desc::Projection::Spherical => Ok(Projection::Spherical(Vec2::new(2.0 * PI, PI) / frame)),
+    }
+}
+
+fn check_lens(camera: &desc::Camera) -> Result<(), CameraError> {
+    let &desc::Camera { lens_radius, focus_distance, .. } = camera;
+    let name = camera.name.clone();
+    let sharp = focus_distance > 0.0 && focus_distance.is_finite();
+    if !(lens_radius == 0.0 || lens_radius > 0.0 && lens_radius.is_finite() && sharp) {
+        return Err(CameraError::Lens { name, lens_radius, focus_distance });
+    }
+    if lens_radius > 0.0 && camera.projection == desc::Projection::Spherical {
+        return Err(CameraError::SphericalLens { name, lens_radius });
+    }
+    Ok(())
 }
 
 /// How far `M^T M` may be from the identity, per entry: room for matrices that went through text or f32 products.
 const RIGID_TOLERANCE: f32 = 1e-3;
 
+/// Whether it keeps lengths; it may mirror.
 fn is_rigid(transform: &Affine3A) -> bool {
     let m = transform.matrix3;
     let gram = m.transpose() * m - glam::Mat3A::IDENTITY;
@@ -144,73 +252,4 @@ fn is_rigid(transform: &Affine3A) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::Rng;
-    use crate::warp;
-    use glam::{Mat3, Quat};
-
-    fn described(lens_radius: f32) -> desc::Camera {
-        let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, -1.2, 0.5);
-        let to_world = Affine3A::from_mat3_translation(Mat3::from_quat(turn), Vec3::new(1.0, 2.0, 3.0));
-        desc::Camera { lens_radius, focus_distance: 2.5, ..desc::Camera::perspective("test", to_world, 0.8) }
-    }
-
-    /// The corners of the frame lie at the tangent of half the angle of view, right is right and up is up.
-    #[test]
-    fn pinhole_rays_span_the_angle_of_view() {
-        let described = described(0.0);
-        let camera = Camera::new(&described, 300, 200).expect("a sound camera");
-        let to_camera = described.to_world.inverse();
-        let tangent = 0.4_f32.tan();
-        for (film, expected) in [
-            (Vec2::ZERO, Vec2::new(-1.5 * tangent, tangent)),
-            (Vec2::new(300.0, 0.0), Vec2::new(1.5 * tangent, tangent)),
-            (Vec2::new(150.0, 200.0), Vec2::new(0.0, -tangent)),
-        ] {
-            let ray = camera.ray(film, Vec2::ZERO);
-            assert_eq!(ray.origin, Vec3::new(1.0, 2.0, 3.0));
-            let local = to_camera.transform_vector3(ray.direction);
-            assert!((local.truncate() / -local.z - expected).length() < 1e-5, "{film}: {local}");
-            assert!((ray.axis_cosine + local.z).abs() < 1e-6);
-        }
-    }
-
-    /// Whatever part of the lens a ray leaves from, it passes the same point of the plane in focus.
-    #[test]
-    fn lens_rays_meet_in_the_plane_of_focus() {
-        let pinhole = Camera::new(&described(0.0), 300, 200).expect("a sound camera");
-        let lens = Camera::new(&described(0.2), 300, 200).expect("a sound camera");
-        let mut rng = Rng::new(1);
-        for _ in 0..1000 {
-            let film = rng.next_2d() * Vec2::new(300.0, 200.0);
-            let at_focus =
-                |ray: CameraRay, start: f32| ray.origin + ray.direction * (start / ray.axis_cosine);
-            let sharp = at_focus(pinhole.ray(film, Vec2::ZERO), 2.5);
-            let ray = lens.ray(film, warp::disk(rng.next_2d()));
-            assert!(ray.origin.distance(Vec3::new(1.0, 2.0, 3.0)) <= 0.2 * 1.0001);
-            assert!(at_focus(ray, 2.5).distance(sharp) < 1e-5, "{film}");
-        }
-    }
-
-    #[test]
-    fn cameras_that_make_no_sense_are_refused() {
-        let sound = described(0.0);
-        let refuse = |camera: &desc::Camera| Camera::new(camera, 4, 4).expect_err("must be refused");
-        assert_eq!(Camera::new(&sound, 0, 4).expect_err("no pixels"), CameraError::EmptyFrame(0, 4));
-        for fov_y in [0.0, -1.0, f32::NAN, 3.2] {
-            let error = refuse(&desc::Camera {
-                projection: desc::Projection::Perspective { fov: fov_y, axis: desc::FrameAxis::Vertical },
-                ..sound.clone()
-            });
-            assert!(matches!(error, CameraError::FieldOfView { .. }), "{error}");
-        }
-        for (lens_radius, focus_distance) in [(-1.0, 1.0), (0.1, 0.0), (f32::NAN, 1.0), (0.1, f32::INFINITY)]
-        {
-            let error = refuse(&desc::Camera { lens_radius, focus_distance, ..sound.clone() });
-            assert!(matches!(error, CameraError::Lens { .. }), "{error}");
-        }
-        let scaled = desc::Camera { to_world: Affine3A::from_scale(Vec3::splat(2.0)), ..sound };
-        assert!(matches!(refuse(&scaled), CameraError::Transform { .. }));
-    }
-}
+mod tests;

@@ -80,9 +80,9 @@ pub(crate) fn sample<I: Isa>(
     let filtered = view.filter.sample(sampler.next_2d());
     let film = Vec2::new(run.x as f32 + 0.5, run.y as f32 + 0.5) + filtered.offset;
     let lens = if view.camera.has_lens() { warp::disk(sampler.next_2d()) } else { Vec2::ZERO };
-    let ray = view.camera.ray(film, lens);
     let coverage_key = sampler.bits();
-    let time = if scene.moves() { time(&mut sampler) } else { 0.0 };
+    let time = if scene.moves() || view.camera.moves() { time(&mut sampler) } else { 0.0 };
+    let ray = view.camera.ray(film, lens, time);
     let mut path = Path {
         isa,
         scene,

@@ -56,12 +56,17 @@ pub(crate) struct RenderArgs {
     #[arg(short, long, value_name = "FILE", default_values = ["quietus.png", "quietus.exr"])]
     pub output: Vec<PathBuf>,
 
-    /// Size of the full frame in pixels. Default: the longer side 640, in the shape the camera asks for (16:9
-    /// where it asks for none).
+    /// Size of the full frame in pixels. Default: what the scene asks for, else the longer side 640 in the shape of
+    /// the camera (16:9 where it has none).
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
 
-    /// Draw only this part of the frame: x0 <= x < x1, y0 <= y < y1, (0, 0) at the top left.
+    /// Width of the full frame in pixels, in the shape it would have by default.
+    #[arg(long, value_name = "W", conflicts_with = "size", value_parser = clap::value_parser!(u32).range(1..))]
+    pub width: Option<u32>,
+
+    /// Draw only this part of the frame: x0 <= x < x1, y0 <= y < y1, (0, 0) at the top left. Default: what the scene
+    /// asks for, else all of it.
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_window)]
     pub crop: Option<Window>,
 
@@ -106,7 +111,7 @@ pub(crate) struct RenderArgs {
     pub target_error: Option<f64>,
 
     /// The same number of samples for every pixel (implies --sampling uniform).
-    /// [default with uniform: 64, or no limit with --time]
+    /// [default with uniform: what the scene asks for, else 64; no limit with --time]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub spp: Option<u32>,
 
@@ -114,7 +119,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub min_samples: Option<u32>,
 
-    /// Samples no pixel exceeds. [default: 4096; not with uniform]
+    /// Samples no pixel exceeds. Default: the samples per pixel that the scene asks for, else 4096; what has reached
+    /// the target error stops earlier. Not with uniform.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub max_samples: Option<u32>,
 
@@ -123,12 +129,22 @@ pub(crate) struct RenderArgs {
     pub time: Option<Duration>,
 
     /// Longest path in segments from the camera: 1 shows emitters seen directly, 2 adds direct light.
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    pub max_depth: u32,
+    /// [default: what the scene asks for, else 16]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_DEPTH))]
+    pub max_depth: Option<u32>,
 
-    /// Pixel filter.
-    #[arg(long, value_enum, default_value_t = FilterArg::BlackmanHarris)]
-    pub filter: FilterArg,
+    /// Pixel filter. [default: what the scene asks for, else blackman-harris]
+    #[arg(long, value_enum)]
+    pub filter: Option<FilterArg>,
+
+    /// What radiance is multiplied by before it becomes the picture. [default: what the scene asks for, else 1]
+    #[arg(long, value_name = "F", value_parser = parse_factor)]
+    pub exposure: Option<f32>,
+
+    /// Largest component of a sample's colour; brighter samples are darkened to it, which loses energy. "inf" lets
+    /// all through. [default: what the scene asks for, else inf]
+    #[arg(long, value_name = "F", value_parser = parse_limit)]
+    pub max_component: Option<f32>,
 
     /// Picks the random numbers: equal seeds give equal pictures.
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -165,6 +181,9 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_enum, help_heading = "Expert")]
     pub rebuild: Option<RebuildArg>,
 }
+
+/// Longest path that may be asked for.
+pub(crate) const MOST_DEPTH: i64 = 4096;
 
 /// `--checks`.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -261,6 +280,20 @@ fn parse_error(text: &str) -> Result<f64, String> {
     }
 }
 
+fn parse_factor(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(factor),
+        _ => Err("expected a number above 0, such as 0.5".to_owned()),
+    }
+}
+
+fn parse_limit(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(limit) if limit > 0.0 => Ok(limit),
+        _ => Err("expected a number above 0, or inf".to_owned()),
+    }
+}
+
 fn parse_time(text: &str) -> Result<Duration, String> {
     let seconds = text.parse::<f64>().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
     match seconds.or_else(|| humantime::parse_duration(text).ok()) {
@@ -310,6 +343,10 @@ mod tests {
         for bad in ["nan", "NaN", "inf", "0", "-1", "x", ""] {
             assert!(parse_error(bad).is_err(), "{bad}");
         }
+        for bad in ["nan", "0", "-1", "x", ""] {
+            assert!(parse_factor(bad).is_err() && parse_limit(bad).is_err(), "{bad}");
+        }
+        assert!(parse_factor("inf").is_err() && parse_limit("inf") == Ok(f32::INFINITY));
         assert_eq!(parse_time("90"), Ok(Duration::from_secs(90)));
         assert_eq!(parse_time("1m 30s"), Ok(Duration::from_secs(90)));
         assert_eq!(parse_time("0.5"), Ok(Duration::from_millis(500)));

@@ -6,6 +6,7 @@ use quietus_film::{ExrInfo, OutputError, read_exr_info};
 use quietus_scene::{Animation, SceneFile};
 
 use crate::error::Failure;
+use crate::wishes::wishes;
 
 /// The text that `quietus info FILE` prints.
 ///
@@ -23,6 +24,9 @@ pub(crate) fn describe(file: &Path) -> Result<String, Failure> {
     let mut text = quietus_scene::summary(&loaded.scene).to_string();
     for (index, Animation { name, seconds }) in file.animations().iter().enumerate() {
         text.push_str(&format!("\nanimation {index}  {name}, {seconds:.3} s"));
+    }
+    for wish in wishes(&loaded.scene.picture) {
+        text.push_str(&format!("\nasks for     {}", wish.text));
     }
     for warning in &loaded.warnings {
         text.push_str(&format!("\nwarning: {warning}"));

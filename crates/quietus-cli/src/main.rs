@@ -12,6 +12,7 @@ mod report;
 mod say;
 mod source;
 mod timeline;
+mod wishes;
 
 use std::process::ExitCode;
 

@@ -3,15 +3,17 @@
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
+use glam::Vec3;
 use quietus::{Checks, Rebuild};
 use quietus_film::{Layout, OutputFormat, Window, check_writable};
 use quietus_render::{Machinery, RenderSettings, Sampling, available_memory};
-use quietus_trace::desc::Camera;
+use quietus_trace::desc::{Camera, PictureDefaults};
 use quietus_trace::filter::Filter;
 
-use crate::args::{ChecksArg, FilterArg, RebuildArg, RenderArgs, SamplingArg};
+use crate::args::{ChecksArg, FilterArg, MOST_DEPTH, RebuildArg, RenderArgs, SamplingArg};
 use crate::error::Failure;
 use crate::timeline::Timeline;
+use crate::wishes::{Wish, wishes};
 
 /// Region error of a presentable picture; what is left of the noise is that of a good preview.
 const TARGET_ERROR: f64 = 0.001;
@@ -23,6 +25,8 @@ const MAX_SAMPLES: u32 = 4096;
 const UNIFORM_SAMPLES: u32 = 64;
 /// Longer side of a picture without `--size`: the built-in scene is done in well under a minute on two cores.
 const DEFAULT_SIDE: f32 = 640.0;
+/// Path segments where nobody asks for a number.
+const MAX_DEPTH: u32 = 16;
 /// Shape of a picture whose camera does not care.
 const DEFAULT_ASPECT: f32 = 16.0 / 9.0;
 
@@ -33,10 +37,6 @@ pub(crate) struct Plan {
     pub sampling: Sampling,
     /// Region error to stop at.
     pub target_error: f64,
-    /// Samples every pixel gets.
-    pub min_samples: u32,
-    /// Samples no pixel exceeds.
-    pub max_samples: u32,
     /// Pictures to write.
     pub outputs: Vec<(PathBuf, OutputFormat)>,
     /// Threads that render.
@@ -52,7 +52,7 @@ impl Plan {
     /// The first flag that makes no sense, or the first output that cannot be written.
     pub(crate) fn new(args: &RenderArgs) -> Result<Self, Failure> {
         let sampling = sampling(args)?;
-        let (min_samples, max_samples) = sample_limits(args, sampling)?;
+        sample_limits(args, sampling, None)?;
         if args.tree.is_some() && !sampling.has_tree() {
             return Err(Failure::usage("--tree needs a tree: --sampling quietus, talk or free-running"));
         }
@@ -63,7 +63,7 @@ impl Plan {
             None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
         };
         let target_error = args.target_error.unwrap_or(TARGET_ERROR);
-        Ok(Self { sampling, target_error, min_samples, max_samples, outputs, threads, timeline })
+        Ok(Self { sampling, target_error, outputs, threads, timeline })
     }
 
     /// Where an output called `path` goes for `frame`.
@@ -74,27 +74,116 @@ impl Plan {
         }
     }
 
-    /// The settings for a picture through `camera`.
+    /// The settings for a picture through `camera`, of a scene that asks for `picture`: the command line wins.
     ///
     /// # Errors
     /// When frame or crop are out of range or the film would not fit into memory.
-    pub(crate) fn settings(&self, args: &RenderArgs, camera: &Camera) -> Result<RenderSettings, Failure> {
-        let frame = args.size.unwrap_or_else(|| default_size(camera.aspect));
-        let full = Window { x0: 0, y0: 0, x1: frame[0], y1: frame[1] };
-        let window = args.crop.unwrap_or(full);
+    pub(crate) fn decide(
+        &self,
+        args: &RenderArgs,
+        camera: &Camera,
+        picture: &PictureDefaults,
+    ) -> Result<Decided, Failure> {
+        let frame = frame(args, camera, picture)?;
+        let window = window(args, picture, frame)?;
         check_memory(&Layout::new(frame, window, 2)?)?;
-        Ok(RenderSettings {
+        let (min_samples, max_samples) = sample_limits(args, self.sampling, picture.samples)?;
+        let settings = RenderSettings {
             frame,
             window,
             sampling: self.sampling,
             target_error: self.target_error,
-            min_samples: self.min_samples,
-            max_samples: self.max_samples,
+            min_samples,
+            max_samples,
             time_limit: args.time,
             threads: self.threads,
             machinery: machinery(args, self.sampling),
-        })
+        };
+        let depth = picture.max_depth.map(|depth| depth.clamp(1, MOST_DEPTH as u32));
+        let look = Look {
+            max_depth: args.max_depth.or(depth).unwrap_or(MAX_DEPTH),
+            filter: args.filter.map(filter).or(picture.filter).unwrap_or_default(),
+            exposure: args.exposure.map(Vec3::splat).or(picture.exposure).unwrap_or(Vec3::ONE),
+            max_component: args.max_component.or(picture.max_component).unwrap_or(f32::INFINITY),
+        };
+        let mut followed = wishes(picture);
+        followed.retain(|wish| !self.overrules(args, wish.name));
+        Ok(Decided { settings, look, followed })
     }
+
+    /// Whether the command line decides what statistics call `name`, whatever the scene asks for.
+    fn overrules(&self, args: &RenderArgs, name: &str) -> bool {
+        match name {
+            "size" => args.size.is_some() || args.width.is_some(),
+            "crop" => args.crop.is_some(),
+            "max_samples" if self.sampling == Sampling::Uniform => args.spp.is_some() || args.time.is_some(),
+            "max_samples" => args.max_samples.is_some(),
+            "max_depth" => args.max_depth.is_some(),
+            "filter" => args.filter.is_some(),
+            "exposure" => args.exposure.is_some(),
+            "max_component" => args.max_component.is_some(),
+            _ => false,
+        }
+    }
+}
+
+/// What is drawn, and how it is looked at.
+#[derive(Clone, Debug)]
+pub(crate) struct Decided {
+    /// For the render loop.
+    pub settings: RenderSettings,
+    /// For the tracer.
+    pub look: Look,
+    /// What the scene asked for and gets.
+    pub followed: Vec<Wish>,
+}
+
+/// How a picture is looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Look {
+    /// Path segments.
+    pub max_depth: u32,
+    /// Pixel filter.
+    pub filter: Filter,
+    /// Multiplies radiance.
+    pub exposure: Vec3,
+    /// Largest component of a sample.
+    pub max_component: f32,
+}
+
+/// Width and height of the full frame.
+fn frame(args: &RenderArgs, camera: &Camera, picture: &PictureDefaults) -> Result<[u32; 2], Failure> {
+    let default = picture.size.unwrap_or_else(|| default_size(camera.aspect));
+    match (args.size, args.width) {
+        (Some(size), _) => Ok(size),
+        (None, None) => Ok(default),
+        (None, Some(width)) => {
+            let height = f64::from(width) * f64::from(default[1]) / f64::from(default[0].max(1));
+            Ok([width, (height.round() as u32).max(1)])
+        }
+    }
+}
+
+/// The part to draw: of the file's, all pixels from the first whose corner lies inside (pbrt-v4's rule).
+fn window(args: &RenderArgs, picture: &PictureDefaults, frame: [u32; 2]) -> Result<Window, Failure> {
+    if let Some(window) = args.crop {
+        return Ok(window);
+    }
+    let Some(crop) = picture.crop else {
+        return Ok(Window { x0: 0, y0: 0, x1: frame[0], y1: frame[1] });
+    };
+    let place = |share: f32, side: u32| (f64::from(share.clamp(0.0, 1.0)) * f64::from(side)).ceil() as u32;
+    let [x0, x1] = [crop[0], crop[1]].map(|share| place(share, frame[0]));
+    let [y0, y1] = [crop[2], crop[3]].map(|share| place(share, frame[1]));
+    if x0 < x1 && y0 < y1 {
+        return Ok(Window { x0, y0, x1, y1 });
+    }
+    let [a, b, c, d] = crop;
+    Err(Failure::input(format!(
+        "the scene asks for columns {a} to {b} and rows {c} to {d} of a frame of 1, which holds no pixel of \
+         {}x{}; --crop asks for others",
+        frame[0], frame[1]
+    )))
 }
 
 /// The talk free-running is the talk as published, unless flags say otherwise.
@@ -154,15 +243,17 @@ fn sampling(args: &RenderArgs) -> Result<Sampling, Failure> {
     })
 }
 
-/// Smallest and largest number of samples per pixel.
-fn sample_limits(args: &RenderArgs, sampling: Sampling) -> Result<(u32, u32), Failure> {
+/// Smallest and largest number of samples per pixel, in a scene that asks for `wished` ones.
+fn sample_limits(args: &RenderArgs, sampling: Sampling, wished: Option<u32>) -> Result<(u32, u32), Failure> {
+    let wished = wished.map(|samples| samples.max(1));
     if sampling == Sampling::Uniform {
         let unlimited = args.time.map(|_| u32::MAX);
-        let spp = args.spp.or(unlimited).unwrap_or(UNIFORM_SAMPLES);
+        let spp = args.spp.or(unlimited).or(wished).unwrap_or(UNIFORM_SAMPLES);
         return Ok((spp, spp));
     }
     // A limit given alone moves the other one's default out of its way.
-    let max = args.max_samples.unwrap_or(MAX_SAMPLES.max(args.min_samples.unwrap_or(0)));
+    let default = wished.unwrap_or(MAX_SAMPLES);
+    let max = args.max_samples.unwrap_or(default.max(args.min_samples.unwrap_or(0)));
     let min = args.min_samples.unwrap_or(MIN_SAMPLES.min(max));
     if min > max {
         return Err(Failure::usage(format!("--min-samples {min} is more than --max-samples {max}")));
@@ -255,34 +346,106 @@ mod tests {
         }
     }
 
+    fn args(flags: &str) -> RenderArgs {
+        let words = ["quietus", "render"].into_iter().chain(flags.split_whitespace());
+        let Some(Command::Render(args)) = Cli::parse_from(words).command else { unreachable!() };
+        *args
+    }
+
+    /// What is decided for a scene that asks for `picture`, seen through a camera made for twice as wide as high.
+    fn decide(flags: &str, picture: &PictureDefaults) -> Result<Decided, Failure> {
+        let camera = Camera::perspective("", glam::Affine3A::IDENTITY, 1.0);
+        let camera = Camera { aspect: Some(2.0), ..camera };
+        plan(flags).unwrap().decide(&args(flags), &camera, picture)
+    }
+
+    /// Least and most samples.
+    fn limits(flags: &str, samples: Option<u32>) -> (u32, u32) {
+        let picture = PictureDefaults { samples, ..PictureDefaults::default() };
+        let settings = decide(flags, &picture).unwrap().settings;
+        (settings.min_samples, settings.max_samples)
+    }
+
     #[test]
     fn defaults_suit_adaptive_sampling() {
-        let plan = plan("").unwrap();
-        assert_eq!(plan.sampling, Sampling::Quietus);
-        assert_eq!((plan.min_samples, plan.max_samples), (16, 4096));
+        assert_eq!(plan("").unwrap().sampling, Sampling::Quietus);
+        assert_eq!(limits("", None), (16, 4096));
     }
 
     #[test]
     fn spp_means_uniform() {
         for flags in ["--spp 9", "--spp 9 --sampling uniform"] {
-            let plan = plan(flags).unwrap();
-            assert_eq!((plan.sampling, plan.max_samples), (Sampling::Uniform, 9));
+            assert_eq!(plan(flags).unwrap().sampling, Sampling::Uniform);
+            assert_eq!(limits(flags, None), (9, 9));
+            assert_eq!(limits(flags, Some(5)), (9, 9));
         }
-        assert_eq!(plan("--sampling uniform").unwrap().max_samples, 64);
-        assert_eq!(plan("--sampling uniform --time 3").unwrap().max_samples, u32::MAX);
+        assert_eq!(limits("--sampling uniform", None).1, 64);
+        assert_eq!(limits("--sampling uniform", Some(5)).1, 5);
+        assert_eq!(limits("--sampling uniform --time 3", None).1, u32::MAX);
+        assert_eq!(limits("--sampling uniform --time 3", Some(5)).1, u32::MAX);
     }
 
     #[test]
     fn a_limit_alone_moves_the_default_of_the_other() {
-        assert_eq!(plan("--max-samples 4").unwrap().min_samples, 4);
-        assert_eq!(plan("--min-samples 9000").unwrap().max_samples, 9000);
+        assert_eq!(limits("--max-samples 4", None), (4, 4));
+        assert_eq!(limits("--min-samples 9000", None), (9000, 9000));
+    }
+
+    #[test]
+    fn samples_of_a_scene_are_the_most_that_adaptive_sampling_takes() {
+        assert_eq!(limits("", Some(1024)), (16, 1024));
+        assert_eq!(limits("", Some(4)), (4, 4));
+        assert_eq!(limits("", Some(0)), (1, 1));
+        assert_eq!(limits("--max-samples 64", Some(1024)), (16, 64));
+        assert_eq!(limits("--min-samples 64", Some(4)), (64, 64));
+    }
+
+    #[test]
+    fn a_scene_decides_what_the_command_line_leaves_open() {
+        let picture = PictureDefaults {
+            size: Some([400, 300]),
+            crop: Some([0.5, 1.0, 0.0, 0.25]),
+            exposure: Some(Vec3::new(1.0, 2.0, 3.0)),
+            samples: Some(99),
+            max_depth: Some(6),
+            filter: Some(Filter::MITCHELL),
+            max_component: Some(20.0),
+        };
+        let of = |flags| decide(flags, &picture).unwrap();
+        let names = |decided: &Decided| decided.followed.iter().map(|wish| wish.name).collect::<Vec<_>>();
+        let wished = of("");
+        assert_eq!(wished.settings.frame, [400, 300]);
+        assert_eq!(wished.settings.window, Window { x0: 200, y0: 0, x1: 400, y1: 75 });
+        let look = Look {
+            max_depth: 6,
+            filter: Filter::MITCHELL,
+            exposure: Vec3::new(1.0, 2.0, 3.0),
+            max_component: 20.0,
+        };
+        assert_eq!(wished.look, look);
+        let all = ["size", "crop", "max_samples", "max_depth", "filter", "exposure", "max_component"];
+        assert_eq!(names(&wished), all);
+        let asked =
+            of("--size 10x20 --crop 1,2,3,4 --max-samples 16 --max-depth 3 --filter box --exposure 0.5 \
+             --max-component inf");
+        assert_eq!((asked.settings.frame, asked.settings.max_samples), ([10, 20], 16));
+        assert_eq!(asked.settings.window, Window { x0: 1, y0: 2, x1: 3, y1: 4 });
+        let exposure = Vec3::splat(0.5);
+        let look = Look { max_depth: 3, filter: Filter::BOX, exposure, max_component: f32::INFINITY };
+        assert_eq!(asked.look, look);
+        assert_eq!(names(&asked), Vec::<&str>::new());
+        // The crop is a share of whatever frame there is; the width alone keeps the shape.
+        let wide = of("--width 40").settings;
+        assert_eq!((wide.frame, wide.window), ([40, 30], Window { x0: 20, y0: 0, x1: 40, y1: 8 }));
+        assert_eq!(decide("--width 40", &PictureDefaults::default()).unwrap().settings.frame, [40, 20]);
+        let empty = PictureDefaults { crop: Some([0.5, 0.5, 0.0, 1.0]), ..picture };
+        assert!(decide("", &empty).unwrap_err().message.contains("holds no pixel of 400x300"));
     }
 
     #[test]
     fn free_running_is_the_talk_as_published_unless_told_otherwise() {
         let machinery = |flags: &str| {
-            let words = ["quietus", "render"].into_iter().chain(flags.split_whitespace());
-            let Some(Command::Render(args)) = Cli::parse_from(words).command else { unreachable!() };
+            let args = args(flags);
             let machinery = super::machinery(&args, sampling(&args).unwrap());
             (machinery.checks, machinery.rebuild)
         };
@@ -303,6 +466,7 @@ mod tests {
             ("--spp 9 --sampling tile", "--spp is for --sampling uniform"),
             ("--spp 9 --target-error 1", "--target-error is for adaptive sampling"),
             ("--sampling uniform --max-samples 8", "--max-samples is for adaptive sampling"),
+            ("--size 9x9 --width 8", "cannot be used with"),
             ("--min-samples 9 --max-samples 8", "--min-samples 9 is more than --max-samples 8"),
             ("--sampling pixel --tree t.svg", "--tree needs a tree"),
             ("-o /dev/null.d/a.png", "cannot write"),

@@ -16,7 +16,7 @@ use quietus_trace::view::View;
 use crate::args::RenderArgs;
 use crate::error::{Ending, Failure};
 use crate::interrupt;
-use crate::plan::{Plan, filter};
+use crate::plan::{Decided, Look, Plan};
 use crate::progress_bar::{Bar, Measure};
 use crate::report::{Settings, name, write_stats};
 use crate::say;
@@ -27,6 +27,7 @@ struct Ready {
     scene: Scene,
     view: View,
     settings: RenderSettings,
+    look: Look,
     report: Settings,
     load_seconds: f64,
 }
@@ -84,15 +85,21 @@ fn prepare(
     let moment = plan.timeline.as_ref().zip(frame);
     let desc = source.scene(moment.map(|(timeline, frame)| timeline.shutter(frame)))?;
     let camera = pick_camera(&desc, args.camera.as_deref())?;
-    let settings = plan.settings(args, camera)?;
-    let view = View::new(camera, settings.frame, filter(args.filter), args.max_depth, args.seed)
-        .map_err(|error| Failure::input(format!("{}: {error}", scene_name(args))))?;
+    let decided = plan.decide(args, camera, &desc.picture)?;
     let animation = source.animation_name().unwrap_or_default();
-    let report = Settings::new(args, &settings, &camera.name)
+    let report = Settings::new(args, &decided, &camera.name)
         .with_moment(moment.map(|(timeline, frame)| (timeline, frame, animation)));
-    let scene =
-        Scene::build(&desc).map_err(|error| Failure::input(format!("{}: {error}", scene_name(args))))?;
-    Ok(Ready { scene, view, settings, report, load_seconds: start.elapsed().as_secs_f64() })
+    let Decided { settings, look, followed } = decided;
+    if !followed.is_empty() {
+        let texts: Vec<_> = followed.into_iter().map(|wish| wish.text).collect();
+        say::aside(format_args!("{} asks for: {}", scene_name(args), texts.join("; ")));
+    }
+    let unusable = |error: String| Failure::input(format!("{}: {error}", scene_name(args)));
+    let view = View::new(camera, settings.frame, look.filter, look.max_depth, args.seed)
+        .and_then(|view| view.with_exposure(look.exposure, look.max_component))
+        .map_err(|error| unusable(error.to_string()))?;
+    let scene = Scene::build(&desc).map_err(|error| unusable(error.to_string()))?;
+    Ok(Ready { scene, view, settings, look, report, load_seconds: start.elapsed().as_secs_f64() })
 }
 
 fn pick_camera<'a>(scene: &'a SceneDesc, name: Option<&str>) -> Result<&'a Camera, Failure> {
@@ -120,7 +127,9 @@ fn draw(
     let outcome = render(&tracer, settings, &mut Control { cancel, progress: &mut progress });
     bar.clear();
     outcome.map_err(|error| match error {
-        RenderError::Panicked(fault) => Failure::internal(fault_message(args, settings, frame, &fault)),
+        RenderError::Panicked(fault) => {
+            Failure::internal(fault_message(args, settings, ready.look.max_depth, frame, &fault))
+        }
         other => other.into(),
     })
 }
@@ -138,7 +147,13 @@ fn measure(settings: &RenderSettings) -> Measure {
 
 /// Names the sample that panicked, and the command that draws its pixel alone up to that sample. Replicates take
 /// turns, so sample i of any of R replicates is drawn once the pixel has R (i + 1) samples.
-fn fault_message(args: &RenderArgs, settings: &RenderSettings, frame: Option<u32>, fault: &Fault) -> String {
+fn fault_message(
+    args: &RenderArgs,
+    settings: &RenderSettings,
+    max_depth: u32,
+    frame: Option<u32>,
+    fault: &Fault,
+) -> String {
     let Fault { x, y, replicate, index, message } = fault;
     let mut command = vec!["quietus render".to_owned()];
     let mut flag = |name: &str, value: String| command.push(format!("{name}{}", quoted(&value)));
@@ -160,8 +175,16 @@ fn fault_message(args: &RenderArgs, settings: &RenderSettings, frame: Option<u32
     flag("--size ", format!("{}x{}", settings.frame[0], settings.frame[1]));
     flag("--crop ", format!("{x},{y},{},{}", x + 1, y + 1));
     flag("--spp ", (2 * (u64::from(*index) + 1)).to_string());
-    flag("--max-depth ", args.max_depth.to_string());
-    flag("--filter ", name(args.filter));
+    flag("--max-depth ", max_depth.to_string());
+    if let Some(filter) = args.filter {
+        flag("--filter ", name(filter));
+    }
+    if let Some(exposure) = args.exposure {
+        flag("--exposure ", exposure.to_string());
+    }
+    if let Some(limit) = args.max_component {
+        flag("--max-component ", limit.to_string());
+    }
     flag("--seed ", args.seed.to_string());
     flag("--threads ", "1".to_owned());
     flag("-o ", "replay.exr".to_owned());
@@ -257,6 +280,7 @@ fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered) -> String {
 mod tests {
     use clap::Parser;
     use quietus_film::Window;
+    use quietus_trace::desc::PictureDefaults;
 
     use super::*;
     use crate::args::{Cli, Command};
@@ -286,9 +310,10 @@ mod tests {
             out.to_str().unwrap(),
         ]);
         let camera = quietus_scene::embedded().cameras.remove(0);
-        let settings = Plan::new(&args).unwrap().settings(&args, &camera).unwrap();
+        let picture = PictureDefaults::default();
+        let decided = Plan::new(&args).unwrap().decide(&args, &camera, &picture).unwrap();
         let fault = Fault { x: 7, y: 9, replicate: 1, index: 20, message: "oh".to_owned() };
-        let message = fault_message(&args, &settings, None, &fault);
+        let message = fault_message(&args, &decided.settings, decided.look.max_depth, None, &fault);
         let expected = "the tracer panicked at pixel (7, 9), replicate 1, sample 20, seed 42: oh\n\
                         this draws the pixel alone: quietus render 'my scene.glb' --size 640x360 --crop 7,9,8,10 \
                         --spp 42 --max-depth 5 --filter box --seed 42 --threads 1 -o replay.exr";
@@ -309,7 +334,7 @@ mod tests {
             prepare(args, plan, &mut source, None, Instant::now()).unwrap()
         };
         let ready = prepared(&args, &plan);
-        let message = fault_message(&args, &ready.settings, None, &fault);
+        let message = fault_message(&args, &ready.settings, ready.look.max_depth, None, &fault);
         let replay = parse(&message.rsplit(": ").next().unwrap().split(' ').collect::<Vec<_>>());
         let ready = prepared(&replay, &Plan::new(&replay).unwrap());
         let rendered = draw(&replay, &ready, None, &AtomicBool::new(false)).unwrap();

@@ -1,17 +1,20 @@
 //! What a render says of itself: the `--stats` file, and the metadata of EXR files.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
 use clap::ValueEnum;
 use quietus::{Checks, Rebuild};
 use quietus_film::{Metadata, OutputError, write_atomically};
-use quietus_render::{RenderSettings, Rendered, Sampling, Statistics, StoppedBy};
+use quietus_render::{Rendered, Sampling, Statistics, StoppedBy};
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::args::RenderArgs;
+use crate::plan::Decided;
 use crate::timeline::Timeline;
+use crate::wishes::{filter_name, filter_parameters};
 
 /// All settings of a render, defaults filled in.
 #[derive(Serialize, Clone, Debug)]
@@ -32,7 +35,12 @@ pub(crate) struct Settings {
     max_samples: Option<u32>,
     time_limit_seconds: Option<f64>,
     max_depth: u32,
-    filter: String,
+    filter: &'static str,
+    filter_radius: [f32; 2],
+    filter_parameters: BTreeMap<&'static str, f32>,
+    exposure: [f32; 3],
+    max_component: Option<f32>,
+    from_scene: Vec<&'static str>,
     seed: u64,
     threads: usize,
     lag: Option<u32>,
@@ -43,7 +51,8 @@ pub(crate) struct Settings {
 
 impl Settings {
     /// Gathers what was decided.
-    pub(crate) fn new(args: &RenderArgs, settings: &RenderSettings, camera: &str) -> Self {
+    pub(crate) fn new(args: &RenderArgs, decided: &Decided, camera: &str) -> Self {
+        let Decided { settings, look, followed } = decided;
         let adaptive = settings.sampling != Sampling::Uniform;
         let window = settings.window;
         let path = |path: &Path| path.display().to_string();
@@ -63,8 +72,13 @@ impl Settings {
             min_samples: adaptive.then_some(settings.min_samples),
             max_samples: (settings.max_samples < u32::MAX).then_some(settings.max_samples),
             time_limit_seconds: settings.time_limit.map(|limit| limit.as_secs_f64()),
-            max_depth: args.max_depth,
-            filter: name(args.filter),
+            max_depth: look.max_depth,
+            filter: filter_name(look.filter.shape),
+            filter_radius: look.filter.radius.to_array(),
+            filter_parameters: filter_parameters(look.filter.shape).into_iter().collect(),
+            exposure: look.exposure.to_array(),
+            max_component: (look.max_component < f32::INFINITY).then_some(look.max_component),
+            from_scene: followed.iter().map(|wish| wish.name).collect(),
             seed: args.seed,
             threads: settings.threads.get(),
             lag: (settings.sampling != Sampling::FreeRunning).then_some(args.lag),

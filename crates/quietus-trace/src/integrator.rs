@@ -146,7 +146,7 @@ pub(crate) fn sample<I: Isa>(
         }
     }
     // Not the guides, which thereby are averaged with the filter's magnitude and stay in their ranges.
-    path.sample.radiance *= filtered.weight;
+    path.sample.radiance = view.expose(path.sample.radiance) * filtered.weight;
     path.sample.alpha *= filtered.weight;
     path.sample
 }

@@ -1,5 +1,6 @@
-//! What to draw of a scene: frame, camera, filter, path length and seed.
+//! What to draw of a scene: frame, camera, filter, exposure, path length and seed.
 
+use glam::Vec3;
 use thiserror::Error;
 
 use crate::camera::{Camera, CameraError};
@@ -17,6 +18,12 @@ pub enum ViewError {
     /// A filter that makes no sense.
     #[error(transparent)]
     Filter(#[from] FilterError),
+    /// An exposure that makes no picture.
+    #[error("the exposure is {0}; expected finite numbers of at least 0")]
+    Exposure(Vec3),
+    /// A largest component that lets nothing through.
+    #[error("samples are limited to {0}; expected a number above 0")]
+    MaxComponent(f32),
 }
 
 /// Settings of one picture, checked and prepared.
@@ -24,6 +31,8 @@ pub enum ViewError {
 pub struct View {
     pub(crate) camera: Camera,
     pub(crate) filter: FilterSampler,
+    pub(crate) exposure: Vec3,
+    pub(crate) max_component: f32,
     pub(crate) max_depth: u32,
     pub(crate) seed: u64,
     /// The medium the camera stands in.
@@ -49,6 +58,8 @@ impl View {
         Ok(Self {
             camera: Camera::new(camera, size[0], size[1])?,
             filter: FilterSampler::new(filter)?,
+            exposure: Vec3::ONE,
+            max_component: f32::INFINITY,
             max_depth,
             seed,
             medium: Inside::new(camera.medium),
@@ -56,8 +67,55 @@ impl View {
         })
     }
 
+    /// The same view whose samples are multiplied by `exposure` and then darkened until no component is above
+    /// `max_component`, which keeps their hue and loses energy; infinity lets all through.
+    ///
+    /// # Errors
+    /// An exposure that is negative or not finite, a limit that is not above 0.
+    pub fn with_exposure(self, exposure: Vec3, max_component: f32) -> Result<Self, ViewError> {
+        if !(exposure.is_finite() && exposure.min_element() >= 0.0) {
+            return Err(ViewError::Exposure(exposure));
+        }
+        if !(max_component > 0.0) {
+            return Err(ViewError::MaxComponent(max_component));
+        }
+        Ok(Self { exposure, max_component, ..self })
+    }
+
+    /// What a sample of `radiance` puts on the film.
+    #[inline(always)]
+    pub(crate) fn expose(&self, radiance: Vec3) -> Vec3 {
+        let exposed = radiance * self.exposure;
+        let most = exposed.max_element();
+        if most > self.max_component { exposed * (self.max_component / most) } else { exposed }
+    }
+
     /// The same view drawn with other instructions than the widest there are.
     pub fn with_level(self, level: Level) -> Self {
         Self { level, ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Affine3A;
+
+    use super::*;
+
+    #[test]
+    fn samples_are_exposed_and_then_limited() {
+        let camera = desc::Camera::perspective("", Affine3A::IDENTITY, 1.0);
+        let view = View::new(&camera, [4, 4], Filter::BOX, 1, 0).expect("a sound view");
+        assert_eq!(view.expose(Vec3::new(1.0, 2.0, 1e30)), Vec3::new(1.0, 2.0, 1e30));
+        assert!(view.expose(Vec3::new(f32::NAN, 0.0, 0.0)).is_nan());
+        for bad in [f32::NAN, -1.0, f32::INFINITY] {
+            assert!(view.clone().with_exposure(Vec3::new(1.0, bad, 1.0), 1.0).is_err());
+        }
+        for bad in [f32::NAN, -1.0, 0.0] {
+            assert!(view.clone().with_exposure(Vec3::ONE, bad).is_err());
+        }
+        let view = view.with_exposure(Vec3::new(0.5, 1.0, 2.0), 8.0).expect("a sound exposure");
+        assert_eq!(view.expose(Vec3::splat(2.0)), Vec3::new(1.0, 2.0, 4.0));
+        assert_eq!(view.expose(Vec3::splat(16.0)), Vec3::new(2.0, 4.0, 8.0));
     }
 }

@@ -9,17 +9,16 @@ mod normal;
 mod params;
 mod scatter;
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 
 use self::params::each_param;
 use crate::{
     bsdf::layered::CoatTable,
-    desc::{
-        self, Alpha, ColorParam, ImageTexture, Mapping, MaterialId, Roughness, ScalarParam, Surface, Texels,
-        Texture, TextureId,
-    },
+    desc::{self, Alpha, ColorParam, MaterialId, Roughness, ScalarParam, Surface, Texture, TextureId},
+    texture::{TextureError, TextureTable},
 };
 
 pub use crate::texture::SurfacePoint;
@@ -27,7 +26,7 @@ pub use crate::texture::SurfacePoint;
 /// A scene's materials and textures, every index checked.
 #[derive(Clone, Debug, Default)]
 pub struct MaterialTable {
-    textures: Vec<Texture>,
+    textures: TextureTable,
     materials: Vec<Compiled>,
 }
 
@@ -89,15 +88,8 @@ pub enum MaterialError {
         what: &'static str,
     },
     /// A texture that cannot be looked up.
-    #[error("texture {index} (image {image:?}): {problem}")]
-    Texture {
-        /// Its index.
-        index: usize,
-        /// The image's name.
-        image: String,
-        /// What is wrong.
-        problem: String,
-    },
+    #[error(transparent)]
+    Texture(#[from] TextureError),
 }
 
 impl MaterialTable {
@@ -106,11 +98,10 @@ impl MaterialTable {
     /// # Errors
     /// Names the first texture or material that cannot be used, and why.
     pub fn compile(textures: &[Texture], materials: &[desc::Material]) -> Result<Self, MaterialError> {
-        for (index, texture) in textures.iter().enumerate() {
-            check_texture(index, texture)?;
-        }
         check::materials(materials, textures.len())?;
-        let mut table = Self { textures: textures.to_vec(), materials: vec![] };
+        let exact: HashSet<TextureId> = materials.iter().flat_map(exact_textures).collect();
+        let textures = TextureTable::compile(textures, |id| exact.contains(&id))?;
+        let mut table = Self { textures, materials: vec![] };
         let coats = scatter::coats(materials);
         table.materials = materials
             .iter()
@@ -123,6 +114,11 @@ impl MaterialTable {
             })
             .collect();
         Ok(table)
+    }
+
+    /// The textures.
+    pub fn textures(&self) -> &TextureTable {
+        &self.textures
     }
 
     /// How many materials there are: ids below this are valid for every method here, others panic.
@@ -209,15 +205,7 @@ impl MaterialTable {
     /// them is known. Costs a pass over the image: not for the hot path.
     pub fn mean_emission(&self, id: MaterialId) -> Vec3 {
         let ColorParam { factor, texture } = self.material(id).emission;
-        let Some(TextureId(texture)) = texture else { return factor };
-        let Texture::Image(ImageTexture { image, .. }) = &self.textures[texture as usize] else {
-            return factor;
-        };
-        let sum: Vec4 = (0..image.height)
-            .flat_map(|y| (0..image.width).map(move |x| (x, y)))
-            .map(|(x, y)| image.texel(x, y))
-            .fold(Vec4::ZERO, |sum, texel| sum + texel);
-        factor * (sum / (image.width as f32 * image.height as f32)).truncate()
+        texture.map_or(factor, |texture| factor * self.textures.mean(texture).truncate())
     }
 
     /// Whether every hit counts: [`alpha`](Self::alpha) is 1 everywhere.
@@ -296,42 +284,24 @@ fn needs_tangent(material: &desc::Material, materials: &[desc::Material]) -> boo
         }
 }
 
-/// Finds what cannot be looked up in a texture.
-fn check_texture(index: usize, texture: &Texture) -> Result<(), MaterialError> {
-    let texture = match texture {
-        Texture::Image(texture) => texture,
-        Texture::Constant(_) => return Ok(()),
-        _ => {
-            let problem = "this kind of texture is not supported".to_owned();
-            return Err(MaterialError::Texture { index, image: String::new(), problem });
-        }
+/// The textures of a material that filtering would falsify: what they hold is not averaged, or others look at it
+/// unfiltered and must see the same.
+fn exact_textures(material: &desc::Material) -> impl Iterator<Item = TextureId> {
+    let desc::Material { surface, emission, normal_map, bump, alpha, .. } = material;
+    let (coat, amount) = match surface {
+        Surface::MetalRough(m) => (m.clearcoat_normal, None),
+        Surface::Mix { amount, .. } => (None, amount.texture),
+        _ => (None, None),
     };
-    let image = &texture.image;
-    let texels = match &image.texels {
-        Texels::Srgb8(t) | Texels::Linear8(t) => t.len(),
-        Texels::Float(t) => t.len(),
+    let coverage = match alpha {
+        Alpha::Opaque => None,
+        Alpha::Mask { value, .. } | Alpha::Blend { value } => value.texture,
     };
-    let problem = if image.width == 0 || image.height == 0 {
-        format!("it is {}x{} texels, at least 1x1 is needed", image.width, image.height)
-    } else if u64::from(image.width) * u64::from(image.height) != texels as u64 {
-        format!("{}x{} texels were announced, but there are {texels}", image.width, image.height)
-    } else if image.width.max(image.height) > 1 << 24 {
-        format!("{}x{} texels are more than 2^24 along one side", image.width, image.height)
-    } else if texture.invert || texture.wrap.contains(&desc::Wrap::Black) {
-        "inverted textures and black borders are not supported".to_owned()
-    } else {
-        match texture.mapping {
-            Mapping::Uv { set, .. } if set > 1 => {
-                format!("it uses set {set} of texture coordinates, 0 or 1 was expected")
-            }
-            Mapping::Uv { transform, .. } if !transform.is_finite() => {
-                "its transform is not finite".to_owned()
-            }
-            Mapping::Uv { .. } => return Ok(()),
-            _ => "mappings other than uv are not supported".to_owned(),
-        }
-    };
-    Err(MaterialError::Texture { index, image: image.name.clone(), problem })
+    let normals = [*normal_map, coat].map(|map| map.map(|(texture, _)| texture));
+    let scalars =
+        [bump.and_then(|bump| bump.texture), coverage, amount].map(|map| map.map(|(texture, _)| texture));
+    // Of emission, light sampling sees the texels themselves; of colours beside coverage, only what is covered counts.
+    normals.into_iter().chain(scalars).chain([emission.texture]).flatten()
 }
 
 #[cfg(test)]

@@ -135,7 +135,7 @@ pub struct ImageTexture {
     pub filter: TexelFilter,
     /// Where texels lie on the surface.
     pub mapping: Mapping,
-    /// Whether `1 - value` is meant.
+    /// Whether `1 - colour` is meant; alpha stays.
     pub invert: bool,
 }
 

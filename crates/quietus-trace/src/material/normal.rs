@@ -20,8 +20,8 @@ impl MaterialTable {
     }
 
     /// The normal that a map (texture and scale) gives, of unit length, in tangent space.
-    fn tangent_normal(&self, (TextureId(texture), scale): (TextureId, f32), point: &SurfacePoint) -> Vec3 {
-        let texel = self.textures[texture as usize].lookup(point).truncate();
+    fn tangent_normal(&self, (texture, scale): (TextureId, f32), point: &SurfacePoint) -> Vec3 {
+        let texel = self.textures.lookup(texture, point).truncate();
         let n = (2.0 * texel - 1.0) * Vec3::new(scale, scale, 1.0);
         // A normal below the surface says nothing that could be drawn: it is laid flat as far as it must.
         n.with_z(n.z.max(1e-3)).normalize_or(Vec3::Z)

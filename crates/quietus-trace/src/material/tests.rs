@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use glam::{Affine2, Vec2};
+use glam::{Affine2, Vec2, Vec4};
 
 use super::*;
 use crate::bsdf::Bsdf;
-use crate::desc::{Image, TexelFilter, Wrap};
+use crate::desc::{Image, ImageTexture, Mapping, TexelFilter, Texels, Wrap};
 use crate::frame::Frame;
 
 /// One texel, linear.
@@ -159,35 +159,4 @@ fn errors_name_the_material_the_field_and_what_was_expected() {
         tint: ColorParam::constant(Vec3::ONE),
     };
     assert_eq!(compile(material(glass)), "material \"it\": ior must be finite and above 0, but is NaN");
-}
-
-#[test]
-fn unusable_textures_are_refused() {
-    let refuse = |change: &dyn Fn(&mut ImageTexture)| {
-        let Texture::Image(mut t) = texture([0.0; 4]) else { unreachable!() };
-        change(&mut t);
-        MaterialTable::compile(&[Texture::Image(t)], &[]).expect_err("unsound").to_string()
-    };
-    let with_size = |width, height| {
-        move |t: &mut ImageTexture| {
-            let image = Arc::get_mut(&mut t.image).expect("only one");
-            (image.width, image.height) = (width, height);
-        }
-    };
-    assert_eq!(
-        refuse(&with_size(2, 2)),
-        "texture 0 (image \"one texel\"): 2x2 texels were announced, but there are 1"
-    );
-    assert!(refuse(&with_size(0, 1)).contains("it is 0x1 texels, at least 1x1 is needed"));
-    assert!(
-        refuse(&|t| t.mapping = Mapping::Uv { set: 2, transform: Affine2::IDENTITY })
-            .contains("0 or 1 was expected")
-    );
-    assert!(
-        refuse(&|t| {
-            let transform = Affine2::from_translation(Vec2::new(f32::NAN, 0.0));
-            t.mapping = Mapping::Uv { set: 0, transform };
-        })
-        .contains("transform is not finite")
-    );
 }

@@ -254,7 +254,7 @@ impl<I: Isa> Path<'_, I> {
     fn frame(&self, hit: &Hit, surface: &Interaction) -> Frame {
         let materials = &self.scene.materials;
         let frame = if materials.needs_tangent(surface.material) {
-            let tangents = self.scene.tangent_frame(hit, surface.shading_normal, self.time);
+            let tangents = self.scene.tangent_frame(hit, surface.shading_normal, &self.ray());
             materials.shading_frame(surface.material, &surface.surface, &tangents)
         } else {
             Frame::from_normal(surface.shading_normal)

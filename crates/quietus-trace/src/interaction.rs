@@ -1,5 +1,7 @@
 //! From a hit to the surface there: position with error bound, normals, texture coordinates, tangents, colours.
 
+mod shapes;
+
 use glam::{Affine3A, Mat3A, Vec2, Vec3, Vec3A, Vec4};
 
 use crate::bvh::{Hit, Ray};
@@ -93,8 +95,14 @@ impl Interaction {
                 let rough = ray.origin + hit.t * ray.direction;
                 Self::on_sphere(*center, *radius, material, textured, placement, rough)
             }
-            _ => unreachable!("refused when the scene is built"),
+            _ => Self::on_other(geometry, material, placement, hit, ray),
         }
+    }
+
+    /// The same with front and back exchanged.
+    #[inline(always)]
+    pub(crate) fn flipped(self) -> Self {
+        Self { geometric_normal: -self.geometric_normal, shading_normal: -self.shading_normal, ..self }
     }
 
     #[inline(always)]
@@ -173,6 +181,25 @@ fn corners(mesh: &Mesh, indices: [usize; 3], time: f32) -> ([Vec3; 3], Vec3) {
     (triangle::corners_at(start, end, time), triangle::motion_error(start, end))
 }
 
+/// What textures want to know of the surface that `ray` hits.
+pub(crate) fn surface_point(
+    geometry: &Geometry,
+    placement: &Placement,
+    hit: &Hit,
+    ray: &Ray,
+) -> SurfacePoint {
+    let position = ray.origin + hit.t * ray.direction;
+    let surface = match geometry {
+        Geometry::Mesh(mesh) => mesh_surface(mesh, hit.primitive, hit.u, hit.v),
+        Geometry::Sphere { center, .. } => {
+            let point = placement.to_object.transform_point3(position);
+            sphere_surface((point - center).normalize_or(Vec3::Y))
+        }
+        _ => SurfacePoint { uv: [shapes::uv(geometry, placement, hit, ray); 2], ..SurfacePoint::default() },
+    };
+    SurfacePoint { position, ..surface }
+}
+
 /// Texture coordinates and vertex colour at a point of a triangle; its position is for the caller to fill in.
 #[inline(always)]
 pub(crate) fn mesh_surface(mesh: &Mesh, primitive: u32, u: f32, v: f32) -> SurfacePoint {
@@ -198,10 +225,14 @@ pub(crate) fn tangent_frame(
     placement: &Placement,
     hit: &Hit,
     normal: Vec3,
-    time: f32,
+    ray: &Ray,
 ) -> Frame {
     let any = Frame::from_normal(normal);
-    let Geometry::Mesh(mesh) = geometry else { return sphere_frame(placement, normal) };
+    let mesh = match geometry {
+        Geometry::Mesh(mesh) => mesh,
+        Geometry::Sphere { .. } => return sphere_frame(placement, normal),
+        _ => return shapes::tangent_frame(geometry, placement, hit, normal, ray),
+    };
     let indices = mesh.triangles[hit.primitive as usize].map(|i| i as usize);
     if !mesh.tangents.is_empty() {
         let tangent = blend(&mesh.tangents, indices, hit.u, hit.v);
@@ -214,7 +245,7 @@ pub(crate) fn tangent_frame(
     if mesh.uvs[0].is_empty() {
         return any;
     }
-    let ([a, b, c], _) = corners(mesh, indices, time);
+    let ([a, b, c], _) = corners(mesh, indices, ray.time);
     let [uv_a, uv_b, uv_c] = indices.map(|i| mesh.uvs[0][i]);
     let (edge1, edge2, d1, d2) = (b - a, c - a, uv_b - uv_a, uv_c - uv_a);
     let determinant = d1.perp_dot(d2);

@@ -11,10 +11,10 @@ use thiserror::Error;
 use crate::bvh::{Accel, Bounds, Hit, Ray};
 use crate::desc::{Geometry, MaterialId, SceneDesc};
 use crate::geometry::motion::Motion;
-use crate::interaction::{Interaction, Placement, mesh_surface, sphere_surface};
+use crate::interaction::{Interaction, Placement, surface_point};
 use crate::isa::Isa;
 use crate::light::{Environment, Found, LightSample, Lights, Receiver};
-use crate::material::{MaterialError, MaterialTable, SurfacePoint};
+use crate::material::{MaterialError, MaterialTable};
 use crate::medium::{Border, Inside, Medium};
 
 /// Why a description cannot be drawn. Every message names the part by its index and, where it has one, its name.
@@ -55,14 +55,6 @@ pub enum SceneBuildError {
         found: String,
         /// Its range.
         expected: &'static str,
-    },
-    /// Something the description can say and the renderer does not draw.
-    #[error("{place}: {what} is not supported")]
-    Unsupported {
-        /// Where it stands.
-        place: String,
-        /// What it asks for.
-        what: &'static str,
     },
     /// A texture or material cannot be used.
     #[error(transparent)]
@@ -117,6 +109,8 @@ struct CompiledShape {
     border: Option<Border>,
     /// Whether it is nothing but such a border.
     only_border: bool,
+    /// Whether front and back are exchanged.
+    flipped: bool,
 }
 
 impl Scene {
@@ -198,32 +192,25 @@ impl Scene {
         let (placed, shape) = self.shape(hit.instance, hit.shape);
         let mut moved = None;
         let placement = self.placement(placed, ray.time, &mut moved);
-        Interaction::new(&shape.geometry, (shape.material, shape.textured), placement, hit, ray)
+        let surface =
+            Interaction::new(&shape.geometry, (shape.material, shape.textured), placement, hit, ray);
+        if shape.flipped { surface.flipped() } else { surface }
     }
 
-    /// The frame normal maps want at `hit`, around the shading normal `normal`.
-    pub(crate) fn tangent_frame(&self, hit: &Hit, normal: Vec3, time: f32) -> crate::frame::Frame {
+    /// The frame normal maps and tangents want at `hit` of `ray`, around the shading normal `normal`.
+    pub(crate) fn tangent_frame(&self, hit: &Hit, normal: Vec3, ray: &Ray) -> crate::frame::Frame {
         let (placed, shape) = self.shape(hit.instance, hit.shape);
         let mut moved = None;
-        let placement = self.placement(placed, time, &mut moved);
-        crate::interaction::tangent_frame(&shape.geometry, placement, hit, normal, time)
+        let placement = self.placement(placed, ray.time, &mut moved);
+        crate::interaction::tangent_frame(&shape.geometry, placement, hit, normal, ray)
     }
 
     /// Coverage at a hit of `ray`.
     pub(crate) fn coverage(&self, hit: &Hit, ray: &Ray) -> f32 {
         let (placed, shape) = self.shape(hit.instance, hit.shape);
-        let surface = match &shape.geometry {
-            Geometry::Mesh(mesh) => mesh_surface(mesh, hit.primitive, hit.u, hit.v),
-            Geometry::Sphere { center, .. } => {
-                let mut moved = None;
-                let placement = self.placement(placed, ray.time, &mut moved);
-                let point = placement.to_object.transform_point3(ray.origin + hit.t * ray.direction);
-                sphere_surface((point - center).normalize_or(Vec3::Y))
-            }
-            _ => unreachable!("refused when the scene is built"),
-        };
-        let position = ray.origin + hit.t * ray.direction;
-        self.materials.alpha(shape.material, &SurfacePoint { position, ..surface })
+        let mut moved = None;
+        let placement = self.placement(placed, ray.time, &mut moved);
+        self.materials.alpha(shape.material, &surface_point(&shape.geometry, placement, hit, ray))
     }
 
     /// Chooses a light and a direction to it from the receiver, for random numbers in `[0, 1)`.

@@ -40,6 +40,10 @@ pub(super) enum Kind {
     Sphere,
     Instance,
     MovingTriangle,
+    Curve,
+    Ribbon,
+    /// A patch or a quadric.
+    Solid,
 }
 
 impl Kind {
@@ -50,13 +54,16 @@ impl Kind {
             0 => Self::Triangle,
             1 => Self::Sphere,
             3 => Self::MovingTriangle,
+            4 => Self::Curve,
+            5 => Self::Ribbon,
+            6 => Self::Solid,
             _ => Self::Instance,
         }
     }
 
     /// Whether a leaf may hold several.
     fn has_blocks(self) -> bool {
-        !matches!(self, Self::Instance)
+        matches!(self, Self::Triangle | Self::Sphere | Self::MovingTriangle)
     }
 }
 

@@ -1,6 +1,6 @@
 //! What a ray meets first, and whether it meets anything.
 //!
-//! [`Accel`] is an 8-wide tree over all triangles and spheres of the world, with one more such tree for each
+//! [`Accel`] is an 8-wide tree over all primitives of the world, with one more such tree for each
 //! object that several instances share: `source` lists their primitives, `binary` decides their shape, `wide`
 //! writes them out, `traverse` is the ray kernel. It is watertight: no ray slips between triangles that share
 //! an edge. What a ray meets does not depend on the instruction set, nor, rounding aside, on the tree.
@@ -16,6 +16,7 @@ use crate::isa::Isa;
 
 mod binary;
 mod memory;
+mod singles;
 mod source;
 #[cfg(test)]
 mod tests;
@@ -53,15 +54,16 @@ impl Ray {
 pub struct Hit {
     /// Distance in units of the ray's direction.
     pub t: f32,
-    /// Triangles: barycentric coordinate of the second vertex. Spheres: 0.
+    /// Triangles: barycentric coordinate of the second vertex. Patches: u. Curves: how far along. Else 0.
     pub u: f32,
-    /// Triangles: barycentric coordinate of the third vertex. Spheres: 0.
+    /// Triangles: barycentric coordinate of the third vertex. Patches: v. Curves: how far across, see
+    /// [`CurvePart::intersect`](crate::geometry::curve::CurvePart::intersect). Else 0.
     pub v: f32,
     /// Index of the instance.
     pub instance: u32,
     /// Index of the shape in the instance's object.
     pub shape: u32,
-    /// Index of the triangle in the shape's mesh. Spheres: 0.
+    /// Index of the triangle, patch or curve segment in its shape. Else 0.
     pub primitive: u32,
 }
 
@@ -208,7 +210,7 @@ impl Accel {
         opaque: &impl Fn(MaterialId) -> bool,
     ) -> (Link, Bounds) {
         let source = Source::new(placed, self.references.len(), opaque);
-        source.collect(&mut self.references, &mut items);
+        source.collect(&mut self.references, &mut self.store.singles, &mut items);
         self.store.append(&mut items, &source)
     }
 
@@ -223,6 +225,7 @@ impl Accel {
             + size_of_val(&*self.store.triangles)
             + size_of_val(&*self.store.moving)
             + size_of_val(&*self.store.spheres)
+            + self.store.singles.bytes()
             + size_of_val(&*self.references)
             + size_of_val(&*self.instances)
             + size_of_val(&*self.motions)
@@ -246,20 +249,31 @@ impl Accel {
     }
 }
 
-/// Which objects get a tree of their own: those of several instances, those that move, and those whose spheres an
-/// instance would not leave spheres.
+/// Which objects get a tree of their own: those of several instances, those that move, and those whose primitives an
+/// instance would not leave what they are.
 fn shared_objects(objects: &[Object], instances: &[Instance]) -> Vec<bool> {
     let mut uses = vec![0u32; objects.len()];
     let mut shared = vec![false; objects.len()];
     for instance in instances {
         let index = instance.object.0 as usize;
         uses[index] += 1;
-        let mut shapes = objects[index].shapes.iter();
-        let has_sphere = shapes.any(|shape| matches!(shape.geometry, Geometry::Sphere { .. }));
         shared[index] |= uses[index] > 1 || instance.motion().is_some();
-        shared[index] |= has_sphere && !is_similarity(&instance.to_world);
+        shared[index] |=
+            objects[index].shapes.iter().any(|shape| changes(&shape.geometry, &instance.to_world));
     }
     shared
+}
+
+/// Whether a transform would make a shape's primitives something else.
+fn changes(geometry: &Geometry, transform: &Affine3A) -> bool {
+    match geometry {
+        Geometry::Mesh(_) | Geometry::Patches(_) => false,
+        Geometry::Sphere { .. } => !is_similarity(transform),
+        // Their direction across is that of their normal times their tangent.
+        Geometry::Curves(_) => !is_similarity(transform) || transform.matrix3.determinant() < 0.0,
+        // They know no axis but z.
+        Geometry::Quadric(_) => *transform != Affine3A::IDENTITY,
+    }
 }
 
 /// Whether a transform keeps spheres spheres, up to rounding.

@@ -5,8 +5,9 @@ use rayon::prelude::*;
 
 use super::Bounds;
 use super::binary::{Item, Kind};
+use super::singles::Singles;
 use super::wide::Leaves;
-use crate::desc::{Geometry, MaterialId, Mesh, Object};
+use crate::desc::{CurveSegment, Geometry, MaterialId, Mesh, Object};
 use crate::geometry::sphere::SphereBlock;
 use crate::geometry::triangle::{MovingBlock, TriangleBlock};
 
@@ -38,7 +39,7 @@ impl Placed<'_> {
     }
 
     #[inline(always)]
-    fn vertex(&self, positions: &[Vec3], index: u32) -> Vec3 {
+    pub(super) fn vertex(&self, positions: &[Vec3], index: u32) -> Vec3 {
         let p = positions[index as usize];
         match &self.transform {
             Some(transform) => transform.transform_point3(p),
@@ -50,6 +51,20 @@ impl Placed<'_> {
     fn sphere(&self, center: Vec3, radius: f32) -> (Vec3, f32) {
         self.transform
             .map_or((center, radius), |m| (m.transform_point3(center), radius * m.matrix3.x_axis.length()))
+    }
+}
+
+impl Placed<'_> {
+    /// A piece of a curve in the tree's space, where the transform is a similarity that does not mirror.
+    pub(super) fn segment(&self, segment: &CurveSegment) -> CurveSegment {
+        let Some(m) = &self.transform else { return *segment };
+        let scale = m.matrix3.x_axis.length();
+        CurveSegment {
+            points: segment.points.map(|p| m.transform_point3(p)),
+            widths: segment.widths.map(|width| scale * width),
+            normals: segment.normals.map(|n| m.transform_vector3(n) / scale),
+            ..*segment
+        }
     }
 }
 
@@ -65,7 +80,11 @@ struct Part<'a> {
 impl Part<'_> {
     /// What a leaf calls an item.
     fn id(&self, item: &Item) -> u32 {
-        item.index() | if self.filtered { FILTERED } else { 0 }
+        item.index() | self.filter_bit()
+    }
+
+    fn filter_bit(&self) -> u32 {
+        if self.filtered { FILTERED } else { 0 }
     }
 
     /// A triangle of its mesh as the builder sees it.
@@ -114,7 +133,9 @@ impl<'a> Source<'a> {
                 source.end += match geometry {
                     Geometry::Mesh(mesh) => mesh.triangles.len(),
                     Geometry::Sphere { .. } => 1,
-                    _ => unreachable!("refused when the scene is built"),
+                    Geometry::Quadric(_) => 1,
+                    Geometry::Patches(mesh) => mesh.patches.len(),
+                    Geometry::Curves(curves) => curves.segments.len(),
                 };
             }
         }
@@ -122,39 +143,50 @@ impl<'a> Source<'a> {
         source
     }
 
-    /// Appends one reference and one item for each primitive; no item where its bounds are not finite.
-    pub(super) fn collect(&self, references: &mut Vec<Reference>, items: &mut Vec<Item>) {
+    /// Appends one reference for each primitive and one item for each or each of its parts; no item where its bounds
+    /// are not finite.
+    pub(super) fn collect(
+        &self,
+        references: &mut Vec<Reference>,
+        singles: &mut Singles,
+        items: &mut Vec<Item>,
+    ) {
         for part in &self.parts {
             let (instance, shape) = (part.placed.instance, part.shape);
+            let reference = |primitive| Reference { instance, shape, primitive };
+            let (first, filtered) = (part.first, part.filter_bit());
             match part.geometry {
                 Geometry::Mesh(mesh) => {
                     let count = mesh.triangles.len();
-                    references.par_extend(
-                        (0..count as u32).into_par_iter().with_min_len(4096).map(|primitive| Reference {
-                            instance,
-                            shape,
-                            primitive,
-                        }),
-                    );
-                    let from = items.len();
+                    references
+                        .par_extend((0..count as u32).into_par_iter().with_min_len(4096).map(reference));
                     let item = |i: usize| part.triangle(mesh, i);
                     items.par_extend((0..count).into_par_iter().with_min_len(4096).map(item));
-                    drop_unbounded(items, from);
                 }
                 &Geometry::Sphere { center, radius } => {
-                    references.push(Reference { instance, shape, primitive: 0 });
+                    references.push(reference(0));
                     let (center, radius) = part.placed.sphere(center, radius);
                     let bounds = Bounds {
                         min: (center - radius).map(f32::next_down),
                         max: (center + radius).map(f32::next_up),
                     };
-                    let from = items.len();
-                    items.push(Item::new(bounds, part.first as u32, Kind::Sphere));
-                    drop_unbounded(items, from);
+                    items.push(Item::new(bounds, first as u32, Kind::Sphere));
                 }
-                _ => unreachable!("refused when the scene is built"),
+                Geometry::Quadric(quadric) => {
+                    references.push(reference(0));
+                    singles.quadric(quadric, first as u32 | filtered, items);
+                }
+                Geometry::Patches(mesh) => {
+                    references.extend((0..mesh.patches.len() as u32).map(reference));
+                    singles.patches(&part.placed, mesh, first, filtered, items);
+                }
+                Geometry::Curves(curves) => {
+                    references.extend((0..curves.segments.len() as u32).map(reference));
+                    singles.curves(&part.placed, curves, first, filtered, items);
+                }
             }
         }
+        drop_unbounded(items);
     }
 
     fn part(&self, reference: usize) -> &Part<'a> {
@@ -162,16 +194,12 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Removes the items from `from` on that have no finite bounds.
-fn drop_unbounded(items: &mut Vec<Item>, from: usize) {
-    if items[from..].par_iter().with_min_len(4096).all(Item::is_bounded) {
+/// Removes the items that have no finite bounds.
+fn drop_unbounded(items: &mut Vec<Item>) {
+    if items.par_iter().with_min_len(4096).all(Item::is_bounded) {
         return;
     }
-    let mut index = 0;
-    items.retain(|item| {
-        index += 1;
-        index <= from || item.is_bounded()
-    });
+    items.retain(Item::is_bounded);
 }
 
 impl Leaves for Source<'_> {

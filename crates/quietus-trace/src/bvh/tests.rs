@@ -1,6 +1,7 @@
 //! The tree against the plainest of kernels: every primitive, one after another.
 
 mod motion;
+mod shapes;
 
 use std::sync::Arc;
 
@@ -8,8 +9,8 @@ use glam::{Affine3A, Quat, Vec3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::desc::{Mesh, ObjectId, Shape};
-use crate::geometry::{sphere, triangle};
+use crate::desc::{CurveKind, CurveSegment, Mesh, ObjectId, Shape};
+use crate::geometry::{Candidates, curve, patch, quadric, sphere, triangle};
 use crate::isa::{Job, Level};
 
 const OPAQUE: MaterialId = MaterialId(0);
@@ -79,11 +80,63 @@ fn brute_force(
                         consider(Hit { t, ..hit }, shape.material);
                     }
                 }
-                other => panic!("no oracle for {other:?}"),
+                Geometry::Quadric(quadric) => {
+                    let range = (ray.t_min, ray.t_max);
+                    if let Some(t) = quadric::intersect(ray.origin, ray.direction, range, quadric) {
+                        consider(Hit { t, ..hit }, shape.material);
+                    }
+                }
+                Geometry::Patches(mesh) => {
+                    for (p, corners) in mesh.patches.iter().enumerate() {
+                        let corners = corners.map(|i| place(mesh.positions[i as usize]));
+                        let range = (ray.t_min, ray.t_max);
+                        if let Some((t, u, v)) = patch::intersect(ray.origin, ray.direction, range, &corners)
+                        {
+                            consider(Hit { t, u, v, primitive: p as u32, ..hit }, shape.material);
+                        }
+                    }
+                }
+                Geometry::Curves(curves) => {
+                    for (p, segment) in curves.segments.iter().enumerate() {
+                        for (t, u, v) in curve_hits(curves.kind, segment, ray) {
+                            consider(Hit { t, u, v, primitive: p as u32, ..hit }, shape.material);
+                        }
+                    }
+                }
             }
         }
     }
     best
+}
+
+/// All that a curve's parts find.
+fn curve_hits(kind: CurveKind, segment: &CurveSegment, ray: &Ray) -> Vec<(f32, f32, f32)> {
+    struct Ask<'a>(CurveKind, &'a CurveSegment, &'a Ray);
+
+    impl Job for Ask<'_> {
+        type Output = Vec<(f32, f32, f32)>;
+
+        fn run<I: Isa>(self, isa: I) -> Self::Output {
+            let Self(kind, segment, ray) = self;
+            let count = curve::parts(segment, curve::MAX_PARTS);
+            let prepared = curve::CurveRay::new(ray.origin, ray.direction);
+            let (t_min, t_max) = (isa.splat(ray.t_min), isa.splat(ray.t_max));
+            let part = |i| match kind {
+                CurveKind::Ribbon => {
+                    curve::RibbonPart::new(segment, i, count, 0).intersect(isa, &prepared, t_min, t_max)
+                }
+                _ => curve::CurvePart::new(segment, i, count, 0).intersect(isa, &prepared, t_min, t_max),
+            };
+            let lanes = |found: Candidates| {
+                (0..8)
+                    .filter(move |lane| found.mask >> lane & 1 == 1)
+                    .map(move |lane| (found.t.0[lane], found.u.0[lane], found.v.0[lane]))
+            };
+            (0..count).filter_map(part).flat_map(lanes).collect()
+        }
+    }
+
+    Level::portable().run(Ask(kind, segment, ray))
 }
 
 fn mesh(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, material: MaterialId) -> Shape {

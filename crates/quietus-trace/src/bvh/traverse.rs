@@ -10,9 +10,11 @@ use std::mem::MaybeUninit;
 use glam::{Affine3A, Vec3};
 
 use super::binary::{Kind, MAX_DEPTH, WIDTH};
+use super::singles::CurveQuery;
 use super::source::FILTERED;
 use super::wide::{Link, Node};
 use super::{Accel, Hit, Inner, Ray, STILL};
+use crate::geometry::curve::CurveRay;
 use crate::geometry::triangle::ShearedLanes;
 use crate::geometry::{BLOCK, Candidates};
 use crate::isa::{Isa, Job, Lanes};
@@ -169,6 +171,8 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
         let mut stack = Stack { entries: &mut entries, len: 0 };
         let mut ray = Prepared::new(isa, origin, direction);
         let mut local = (origin, direction);
+        // Made when the first curve asks.
+        let mut curve_ray: Option<CurveRay> = None;
         let mut instance = WORLD;
         let t_min = isa.splat(t_min);
         let mut t_max = isa.splat(best.t);
@@ -207,6 +211,23 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
                             None => false,
                         }
                     }
+                    Kind::Curve | Kind::Ribbon => {
+                        let ray = curve_ray.get_or_insert_with(|| CurveRay::new(local.0, local.1));
+                        let singles = &self.accel.store.singles;
+                        let t_min = self.ray.t_min;
+                        let query = CurveQuery { singles, kind, index, ray, t_min, t_max: best.t };
+                        match isa.outline(query) {
+                            Some((found, id)) => self.accept(isa, &mut best, instance, &found, &[id; BLOCK]),
+                            None => false,
+                        }
+                    }
+                    Kind::Solid => {
+                        let range = (self.ray.t_min, best.t);
+                        match self.accel.store.singles.solid(index, local, range) {
+                            Some((found, id)) => self.accept(isa, &mut best, instance, &found, &[id; BLOCK]),
+                            None => false,
+                        }
+                    }
                     Kind::Instance => {
                         let inner = &self.accel.instances[index];
                         stack.push(Link::LEAVE, 0.0);
@@ -216,6 +237,7 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
                             into(&self.accel.to_object_at(inner, time), origin, direction)
                         };
                         ray = Prepared::new(isa, local.0, local.1);
+                        curve_ray = None;
                         instance = inner.instance;
                         link = inner.root;
                         continue;
@@ -235,6 +257,7 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
                 if link == Link::LEAVE {
                     local = (origin, direction);
                     ray = Prepared::new(isa, origin, direction);
+                    curve_ray = None;
                     instance = WORLD;
                 } else if ANY || t <= best.t {
                     break link;

@@ -3,6 +3,7 @@
 use std::mem::MaybeUninit;
 
 use super::binary::{Item, Kind, Subtree, Tree, WIDTH};
+use super::singles::Singles;
 use super::{Bounds, memory};
 use crate::geometry::sphere::SphereBlock;
 use crate::geometry::triangle::{MovingBlock, TriangleBlock};
@@ -79,6 +80,8 @@ pub(super) struct Store {
     pub(super) triangles: Vec<TriangleBlock>,
     pub(super) moving: Vec<MovingBlock>,
     pub(super) spheres: Vec<SphereBlock>,
+    /// Leaves whose links name them by the order in which the scene lists them.
+    pub(super) singles: Singles,
 }
 
 /// Fills leaf blocks: whoever knows what an [`Item`]'s index means.
@@ -257,7 +260,7 @@ impl<L: Leaves> Emitter<'_, L> {
             Some(Kind::Triangle) => Counts { triangles: 1, ..Counts::default() },
             Some(Kind::MovingTriangle) => Counts { moving: 1, ..Counts::default() },
             Some(Kind::Sphere) => Counts { spheres: 1, ..Counts::default() },
-            Some(Kind::Instance) => Counts::default(),
+            Some(Kind::Instance | Kind::Curve | Kind::Ribbon | Kind::Solid) => Counts::default(),
         };
         Census { counts, children: Vec::new() }
     }
@@ -324,7 +327,9 @@ impl<L: Leaves> Emitter<'_, L> {
                 own.spheres[0].write(self.leaves.spheres(items));
                 Link::leaf(kind, own.base.spheres)
             }
-            Kind::Instance => Link::leaf(kind, items[0].index() as usize),
+            Kind::Instance | Kind::Curve | Kind::Ribbon | Kind::Solid => {
+                Link::leaf(kind, items[0].index() as usize)
+            }
         }
     }
 }

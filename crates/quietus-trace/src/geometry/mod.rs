@@ -1,10 +1,13 @@
-//! Where a ray meets a triangle or a sphere, and where the next ray starts.
+//! Where a ray meets triangles, spheres, quadrics, patches and curves, and where the next ray starts.
 
 use glam::Vec3;
 
 use crate::isa::Lanes;
 
+pub mod curve;
 pub mod motion;
+pub mod patch;
+pub mod quadric;
 pub mod sphere;
 pub mod triangle;
 
@@ -18,10 +21,22 @@ pub struct Candidates {
     pub mask: u32,
     /// Distances.
     pub t: Lanes,
-    /// Barycentric coordinates of the second vertex.
+    /// Barycentric coordinates of the second vertex; first parameters of patches and curves.
     pub u: Lanes,
-    /// Barycentric coordinates of the third vertex.
+    /// Barycentric coordinates of the third vertex; second parameters of patches and curves.
     pub v: Lanes,
+}
+
+impl Candidates {
+    /// One hit, in lane 0.
+    pub fn single(t: f32, u: f32, v: f32) -> Self {
+        let lane = |x| {
+            let mut lanes = Lanes::default();
+            lanes.0[0] = x;
+            lanes
+        };
+        Self { mask: 1, t: lane(t), u: lane(u), v: lane(v) }
+    }
 }
 
 /// Half the distance from 1 to the next float.

@@ -1,6 +1,7 @@
 //! Scenes whose answer can be derived, drawn by the whole tracer.
 
 mod motion;
+mod shapes;
 mod surfaces;
 mod volume;
 

@@ -4,8 +4,8 @@ use glam::{Mat3, Vec3};
 
 use super::SceneBuildError as Error;
 use crate::desc::{
-    Environment, EnvironmentLayout, Geometry, Image, Instance, Light, Medium, MediumInterface, Mesh,
-    SceneDesc, Texels,
+    CurveKind, Curves, Environment, EnvironmentLayout, Geometry, Image, Instance, Light, Medium,
+    MediumInterface, Mesh, PatchMesh, Quadric, SceneDesc, Texels,
 };
 use crate::geometry::motion::Motion;
 
@@ -15,15 +15,8 @@ pub(super) fn scene(desc: &SceneDesc) -> Result<(), Error> {
         for (s, shape) in object.shapes.iter().enumerate() {
             let place = || format!("object {o} \"{}\", shape {s}", object.name);
             index(&place, "material", shape.material.0, desc.materials.len())?;
-            if shape.flipped {
-                return Err(unsupported(&place, "a flipped shape"));
-            }
             media(&place, shape.media, desc.media.len())?;
-            match &shape.geometry {
-                Geometry::Mesh(mesh) => self::mesh(&place, mesh)?,
-                Geometry::Sphere { center, radius } => sphere(&place, *center, *radius)?,
-                _ => return Err(unsupported(&place, "this kind of geometry")),
-            }
+            geometry(&place, &shape.geometry)?;
         }
     }
     for (i, instance) in desc.instances.iter().enumerate() {
@@ -67,9 +60,92 @@ fn value<T: std::fmt::Display>(
     }
 }
 
-/// For what the description can say and the renderer does not draw.
-fn unsupported(place: Place, what: &'static str) -> Error {
-    Error::Unsupported { place: place(), what }
+fn geometry(place: Place, geometry: &Geometry) -> Result<(), Error> {
+    match geometry {
+        Geometry::Mesh(mesh) => self::mesh(place, mesh),
+        Geometry::Sphere { center, radius } => sphere(place, *center, *radius),
+        Geometry::Quadric(quadric) => self::quadric(place, quadric),
+        Geometry::Patches(mesh) => patches(place, mesh),
+        Geometry::Curves(curves) => self::curves(place, curves),
+    }
+}
+
+fn positions(place: Place, positions: &[Vec3]) -> Result<(), Error> {
+    for (v, position) in positions.iter().enumerate() {
+        let place = || format!("{}, vertex {v}", place());
+        value(&place, "position", position, position.is_finite(), "finite numbers")?;
+    }
+    Ok(())
+}
+
+fn quadric(place: Place, quadric: &Quadric) -> Result<(), Error> {
+    let above_zero =
+        |what, x: f32| value(place, what, x, x > 0.0 && x.is_finite(), "a finite number above 0");
+    let heights = |low: f32, high: f32| {
+        let sound = low < high && low.is_finite() && high.is_finite();
+        value(
+            place,
+            "range of heights",
+            format!("{low}..{high}"),
+            sound,
+            "finite numbers, the lower one first",
+        )
+    };
+    let phi_max = match *quadric {
+        Quadric::PartialSphere { radius, z_min, z_max, phi_max } => {
+            above_zero("radius", radius).and(heights(z_min, z_max))?;
+            let sound = -radius <= z_min && z_max <= radius;
+            value(place, "range of heights", format!("{z_min}..{z_max}"), sound, "a part of the sphere's")?;
+            phi_max
+        }
+        Quadric::Disk { height, radius, inner_radius, phi_max } => {
+            above_zero("radius", radius)?;
+            value(place, "height", height, height.is_finite(), "a finite number")?;
+            let sound = (0.0..radius).contains(&inner_radius);
+            value(place, "inner radius", inner_radius, sound, "at least 0 and below the radius")?;
+            phi_max
+        }
+        Quadric::Cylinder { radius, z_min, z_max, phi_max } => {
+            above_zero("radius", radius).and(heights(z_min, z_max))?;
+            phi_max
+        }
+    };
+    // 2 pi may have been rounded up on its way here.
+    let sound = phi_max > 0.0 && phi_max <= std::f32::consts::TAU * (1.0 + 1e-5);
+    value(place, "swept angle", phi_max, sound, "more than 0 and at most 2 pi")
+}
+
+fn patches(place: Place, mesh: &PatchMesh) -> Result<(), Error> {
+    let expected = mesh.positions.len();
+    for (what, found) in [("normals", mesh.normals.len()), ("texture coordinates", mesh.uvs.len())] {
+        if found != 0 && found != expected {
+            return Err(Error::Length { place: place(), what, found, expected });
+        }
+    }
+    for (p, patch) in mesh.patches.iter().enumerate() {
+        for &vertex in patch {
+            index(&|| format!("{}, patch {p}", place()), "vertex", vertex, expected)?;
+        }
+    }
+    positions(place, &mesh.positions)
+}
+
+fn curves(place: Place, curves: &Curves) -> Result<(), Error> {
+    for (s, segment) in curves.segments.iter().enumerate() {
+        let place = || format!("{}, segment {s}", place());
+        for point in segment.points {
+            value(&place, "control point", point, point.is_finite(), "finite numbers")?;
+        }
+        for width in segment.widths {
+            let sound = width >= 0.0 && width.is_finite();
+            value(&place, "width", width, sound, "a finite number of at least 0")?;
+        }
+        for normal in segment.normals {
+            let sound = curves.kind != CurveKind::Ribbon || normal.is_normalized();
+            value(&place, "normal", normal, sound, "a vector of unit length")?;
+        }
+    }
+    Ok(())
 }
 
 fn mesh(place: Place, mesh: &Mesh) -> Result<(), Error> {
@@ -99,11 +175,7 @@ fn mesh(place: Place, mesh: &Mesh) -> Result<(), Error> {
             index(&|| format!("{}, triangle {t}", place()), "vertex", vertex, expected)?;
         }
     }
-    for (v, position) in mesh.positions.iter().enumerate().chain(mesh.end_positions.iter().enumerate()) {
-        let place = || format!("{}, vertex {v}", place());
-        value(&place, "position", position, position.is_finite(), "finite numbers")?;
-    }
-    Ok(())
+    positions(place, &mesh.positions).and(positions(place, &mesh.end_positions))
 }
 
 fn sphere(place: Place, center: Vec3, radius: f32) -> Result<(), Error> {

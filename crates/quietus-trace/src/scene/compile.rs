@@ -26,6 +26,7 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
             textured: materials.is_textured(s.material),
             border: Border::new(s.media),
             only_border: materials.is_interface(s.material) && Border::new(s.media).is_some(),
+            flipped: s.flipped,
         }));
     }
     let mut collector =

@@ -105,6 +105,10 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_enum)]
     pub sampling: Option<SamplingArg>,
 
+    /// No bias, by proof: the same as --sampling unbiased.
+    #[arg(long, conflicts_with_all = ["sampling", "spp"])]
+    pub unbiased: bool,
+
     /// Region error to stop at, in the library's units: smaller is cleaner and slower.
     /// [default: 0.001; not with uniform]
     #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = parse_error)]
@@ -208,6 +212,9 @@ pub(crate) enum RebuildArg {
 pub(crate) enum SamplingArg {
     /// The tree of the talk over what one more sample is worth, drawing exactly the pixels that need it.
     Quietus,
+    /// As many samples as the noise of other pixels asks for: no pixel's own values decide, so nothing is lost on
+    /// average.
+    Unbiased,
     /// The tree of the talk, drawing bounding rectangles as published.
     Talk,
     /// The talk exactly as published, with its locks and rebuilds (see --checks, --rebuild): the picture depends on

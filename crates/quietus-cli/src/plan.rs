@@ -209,7 +209,8 @@ fn machinery(args: &RenderArgs, sampling: Sampling) -> Machinery {
 }
 
 fn sampling(args: &RenderArgs) -> Result<Sampling, Failure> {
-    let chosen = match (args.sampling, args.spp) {
+    let asked = if args.unbiased { Some(SamplingArg::Unbiased) } else { args.sampling };
+    let chosen = match (asked, args.spp) {
         (Some(chosen), None) | (Some(chosen @ SamplingArg::Uniform), Some(_)) => chosen,
         (None, Some(_)) => SamplingArg::Uniform,
         (None, None) => SamplingArg::Quietus,
@@ -234,6 +235,7 @@ fn sampling(args: &RenderArgs) -> Result<Sampling, Failure> {
     }
     Ok(match chosen {
         SamplingArg::Quietus => Sampling::Quietus,
+        SamplingArg::Unbiased => Sampling::Unbiased,
         SamplingArg::Talk => Sampling::Talk,
         SamplingArg::FreeRunning => Sampling::FreeRunning,
         SamplingArg::Tile => Sampling::Tile,

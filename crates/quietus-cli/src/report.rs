@@ -120,6 +120,7 @@ const VERSION: &str = env!("CARGO_PKG_VERSION");
 fn sampling_name(sampling: Sampling) -> &'static str {
     match sampling {
         Sampling::Quietus => "quietus",
+        Sampling::Unbiased => "unbiased",
         Sampling::Talk => "talk",
         Sampling::FreeRunning => "free-running",
         Sampling::Tile => "tile",

@@ -21,11 +21,13 @@ pub enum Method {
     FreeRunning,
     /// The library's own policy.
     Quietus,
+    /// Counts from pilots of other pixels only.
+    Unbiased,
 }
 
 impl Method {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Uniform,
         Self::Tile,
         Self::Dammertz,
@@ -33,6 +35,7 @@ impl Method {
         Self::Talk,
         Self::FreeRunning,
         Self::Quietus,
+        Self::Unbiased,
     ];
 
     /// Its name.
@@ -45,6 +48,7 @@ impl Method {
             Self::Talk => "talk",
             Self::FreeRunning => "free-running",
             Self::Quietus => "quietus",
+            Self::Unbiased => "unbiased",
         }
     }
 
@@ -57,6 +61,7 @@ impl Method {
             Self::Pixel => Policy::Pixel,
             Self::Talk | Self::FreeRunning => Policy::Talk,
             Self::Quietus => Policy::Quietus,
+            Self::Unbiased => Policy::Unbiased,
         };
         let mode = if self == Self::FreeRunning { Mode::FreeRunning } else { settings.mode };
         Settings { policy, mode, ..settings.clone() }

@@ -12,6 +12,8 @@ pub enum Sampling {
     /// The talk's tree over what one more sample is worth, with exact masks; the picture does not depend on threads.
     #[default]
     Quietus,
+    /// Counts from pilots of other pixels only: every pixel's mean is unbiased.
+    Unbiased,
     /// The talk's tree, drawing bounding rectangles; the picture does not depend on threads.
     Talk,
     /// The talk's tree as published: it is consulted and rebuilt whenever threads get there.
@@ -35,6 +37,7 @@ impl Sampling {
     fn policy(self) -> Policy {
         match self {
             Self::Quietus => Policy::Quietus,
+            Self::Unbiased => Policy::Unbiased,
             Self::Talk | Self::FreeRunning => Policy::Talk,
             Self::Tile => Policy::Tile,
             Self::Dammertz => Policy::Dammertz,

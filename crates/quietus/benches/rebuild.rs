@@ -37,6 +37,7 @@ fn rule(width: u32, height: u32, scale: f32, rebuild: Rebuild) -> (Box<dyn Stopp
         target_error: 2e-4,
         frame_area: f64::from(width) * f64::from(height),
         rebuild,
+        counts: quietus::Settings::new(width, height).pass_counts(),
     };
     (Policy::Quietus.rule(&settings, 0), plane)
 }

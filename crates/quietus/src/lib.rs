@@ -112,7 +112,7 @@ pub use coordinator::{
 };
 pub use error_metric::{DammertzMetric, ErrorMetric, PixelError, ReplicateMean, SampleWorth};
 pub use error_plane::ErrorPlane;
-pub use pass_schedule::{PassSchedule, replicate_share};
+pub use pass_schedule::{PassCounts, PassSchedule, replicate_share};
 pub use pixel_rect::{Area, Axis, PixelRect};
 pub use policy::{Policy, Rebuild};
 pub use protocol::{Mode, Outcome};

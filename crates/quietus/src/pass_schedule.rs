@@ -45,6 +45,51 @@ impl Default for PassSchedule {
     }
 }
 
+/// How the count of a pixel grows, over all its replicates, while every pass draws it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PassCounts {
+    /// Sizes of the passes.
+    pub schedule: PassSchedule,
+    /// Replicates of a pixel, at least 1; each gets as many samples of a pass as the others.
+    pub replicates: u32,
+    /// Samples below which every pass draws every pixel.
+    pub min_samples: u32,
+    /// Samples at which no pass draws a pixel.
+    pub max_samples: u32,
+    /// How many passes the tree that is consulted lags behind.
+    pub lag: u32,
+}
+
+impl PassCounts {
+    /// Samples that a pass adds to a pixel.
+    pub fn pass(&self, pass: u64) -> u32 {
+        let pass = u32::try_from(pass).unwrap_or(u32::MAX);
+        let each = self.schedule.samples_per_replicate(pass, self.replicates);
+        each.saturating_mul(self.replicates)
+    }
+
+    /// What a pixel of `count` samples has after a pass that draws it.
+    pub fn grown(&self, count: u32, pass: u64) -> u32 {
+        count.saturating_add(self.pass(pass)).min(self.max_samples)
+    }
+
+    /// What a pixel has that each of the first `passes` passes has drawn.
+    pub fn after(&self, passes: u64) -> u32 {
+        (0..passes).fold(0, |count, pass| self.grown(count, pass))
+    }
+
+    /// Passes that bring every pixel to its minimum. Trees say nothing before: all pixels are drawn alike.
+    pub fn min_passes(&self) -> u64 {
+        let mut samples = 0u32;
+        let mut passes = 0;
+        while samples < self.min_samples.max(1) {
+            samples = samples.saturating_add(self.pass(passes));
+            passes += 1;
+        }
+        passes
+    }
+}
+
 /// The share of `total` samples that falls to one of `replicates` replicates; shares differ by at most one.
 pub fn replicate_share(total: u32, replicates: u32, replicate: u32) -> u32 {
     total / replicates + u32::from(replicate < total % replicates)

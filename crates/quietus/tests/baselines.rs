@@ -1,7 +1,7 @@
 //! The baselines do what their sources say, from errors that are known: `tile`, `dammertz`, `pixel`, `uniform`.
 
 use quietus::{
-    ErrorPlane, PixelError, Regions, TILE_PIXELS, TileGrid, active_mask,
+    ErrorPlane, PixelError, Regions, Settings, TILE_PIXELS, TileGrid, active_mask,
     policy::{Policy, Rebuild, RuleSettings, StoppingRule},
     region_error,
 };
@@ -16,7 +16,9 @@ fn grid() -> TileGrid {
 fn rule(policy: Policy, target_error: f64) -> Box<dyn StoppingRule> {
     let regions = Regions::new(grid(), 1);
     let frame_area = f64::from(SIDE * SIDE);
-    policy.rule(&RuleSettings { regions, target_error, frame_area, rebuild: Rebuild::default() }, 0)
+    let counts = Settings::new(SIDE, SIDE).pass_counts();
+    let rebuild = Rebuild::default();
+    policy.rule(&RuleSettings { regions, target_error, frame_area, rebuild, counts }, 0)
 }
 
 fn plane(error: impl Fn(u32, u32) -> f32) -> ErrorPlane {

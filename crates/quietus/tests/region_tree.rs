@@ -136,6 +136,7 @@ proptest! {
                 target_error: 10f64.powf(exponent),
                 frame_area: grid.rect().area() as f64,
                 rebuild,
+                counts: quietus::Settings::new(w, h).pass_counts(),
             };
             for region in 0..regions.len() {
                 let mut plain = policy.rule(&rule_settings(Rebuild::Resummed), region);

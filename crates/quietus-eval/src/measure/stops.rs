@@ -21,8 +21,8 @@ pub struct Stops {
 /// difference of two estimates: `sum_c |x_c - r_c| / sqrt(sum_c r_c)`. Where the estimate is honest the two
 /// have the same mean, and a region that stops just at its target is a false stop in about half of all cases:
 /// read the rate beside that of other policies. Regions are what the policy itself decides about: the
-/// complete leaves of trees; tiles of 8x8 for `tile`, and for `dammertz`, whose blocks are gone; single
-/// pixels for `pixel`.
+/// complete leaves of trees; tiles of 8x8 for `tile`, for `dammertz`, whose blocks are gone, and for `unbiased`,
+/// which has none; single pixels for `pixel`.
 pub fn stops(replay: &Replay, reference: &Reference, settings: &Settings) -> Stops {
     let width = settings.width as usize;
     let errors: Vec<f64> = (0..replay.counts.len()).map(|i| true_error(replay, reference, i)).collect();
@@ -59,7 +59,7 @@ fn true_error(replay: &Replay, reference: &Reference, i: usize) -> f64 {
 fn regions(replay: &Replay, settings: &Settings) -> Vec<quietus::Area> {
     let side = match settings.policy {
         Policy::Uniform => return Vec::new(),
-        Policy::Tile | Policy::Dammertz => 8,
+        Policy::Tile | Policy::Dammertz | Policy::Unbiased => 8,
         Policy::Pixel => 1,
         _ => return replay.stopped.clone(),
     };

@@ -26,6 +26,7 @@ pub(crate) fn color(method: Method) -> RGBColor {
         Method::Talk => RGBColor(204, 121, 167),
         Method::FreeRunning => RGBColor(0, 114, 178),
         Method::Quietus => RGBColor(213, 94, 0),
+        Method::Unbiased => RGBColor(128, 128, 128),
     }
 }
 

@@ -70,6 +70,7 @@ impl AdaptiveSampling {
             target_error: settings.target_error,
             frame_area: settings.frame_area.unwrap_or(frame),
             rebuild: settings.rebuild,
+            counts: settings.pass_counts(),
         };
         let rules: Vec<_> =
             (0..regions.len()).map(|region| settings.policy.rule(&rule_settings, region)).collect();
@@ -91,7 +92,7 @@ impl AdaptiveSampling {
             finish,
             counters: Counters::default(),
             progress,
-            min_passes: min_passes(&settings),
+            min_passes: settings.pass_counts().min_passes(),
             regions,
             settings,
         })
@@ -235,25 +236,6 @@ impl AdaptiveSampling {
 
     /// What a pixel of `count` samples is to have after pass `pass`, over all replicates.
     fn target_count(&self, count: u32, pass: u64) -> u32 {
-        let size = pass_size(&self.settings, pass);
-        count.saturating_add(size).min(self.settings.max_samples)
+        self.settings.pass_counts().grown(count, pass)
     }
-}
-
-/// Samples that a pass adds to each active pixel, over all replicates, of which each gets as many.
-fn pass_size(settings: &Settings, pass: u64) -> u32 {
-    let pass = u32::try_from(pass).unwrap_or(u32::MAX);
-    let each = settings.schedule.samples_per_replicate(pass, settings.replicates);
-    each.saturating_mul(settings.replicates)
-}
-
-/// Passes that bring every pixel to its minimum. The tree says nothing before: all pixels are drawn alike.
-fn min_passes(settings: &Settings) -> u64 {
-    let mut samples = 0u32;
-    let mut passes = 0;
-    while samples < settings.min_samples.max(1) {
-        samples = samples.saturating_add(pass_size(settings, passes));
-        passes += 1;
-    }
-    passes
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::{PassSchedule, PixelRect, Policy, TileGrid, policy::Rebuild, protocol::Mode};
+use crate::{PassCounts, PassSchedule, PixelRect, Policy, TileGrid, policy::Rebuild, protocol::Mode};
 
 /// How a tile is checked against its region's tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -86,6 +86,17 @@ impl Settings {
         TileGrid::new(self.window().width(), self.window().height())
     }
 
+    /// How counts grow.
+    pub fn pass_counts(&self) -> PassCounts {
+        PassCounts {
+            schedule: self.schedule,
+            replicates: self.replicates,
+            min_samples: self.min_samples,
+            max_samples: self.max_samples,
+            lag: self.mode.slots(),
+        }
+    }
+
     pub(crate) fn validate(&self) -> Result<(), SettingsError> {
         use SettingsError as E;
         let Self { width, height, .. } = *self;
@@ -108,7 +119,9 @@ impl Settings {
         check(self.replicates >= 2 || !steered, E::NoSecondEstimate(self.policy))?;
         check(self.stripes.is_power_of_two(), E::Stripes(self.stripes))?;
         let lag_ok = !matches!(self.mode, Mode::Deterministic { lag } if !(1..=2).contains(&lag));
-        check(lag_ok, E::Lag(self.mode.slots()))
+        check(lag_ok, E::Lag(self.mode.slots()))?;
+        let ordered = matches!(self.mode, Mode::Deterministic { .. });
+        check(ordered || self.policy != Policy::Unbiased, E::NoOrder(self.policy))
     }
 }
 
@@ -153,6 +166,8 @@ pub enum SettingsError {
     Stripes(u32),
     /// The lag is neither 1 nor 2.
     Lag(u32),
+    /// A policy that must know how many samples each error is made of runs free.
+    NoOrder(Policy),
 }
 
 impl fmt::Display for SettingsError {
@@ -178,6 +193,11 @@ impl fmt::Display for SettingsError {
                 write!(f, "the policy {policy:?} compares replicates, so it needs at least 2 of them")
             }
             Self::Stripes(n) => write!(f, "the number of striped locks must be a power of two, not {n}"),
+            Self::NoOrder(policy) => write!(
+                f,
+                "the policy {policy:?} needs errors of known numbers of samples, which only the deterministic mode \
+                 has"
+            ),
             Self::Lag(n) => write!(f, "the lag is 1 or 2 passes, not {n}"),
         }
     }

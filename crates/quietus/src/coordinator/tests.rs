@@ -302,6 +302,7 @@ fn fresh_masks(sampling: &AdaptiveSampling, region: u32) -> Vec<u64> {
         target_error: sampling.settings.target_error,
         frame_area: f64::from(sampling.settings.width) * f64::from(sampling.settings.height),
         rebuild: sampling.settings.rebuild,
+        counts: sampling.settings.pass_counts(),
     };
     let mut rule = sampling.settings.policy.rule(&settings, region);
     rule.update(&sampling.planes[0]);

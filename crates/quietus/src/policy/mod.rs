@@ -7,15 +7,17 @@ mod dammertz;
 mod pixel;
 mod tile;
 mod tree;
+mod unbiased;
 
 pub use dammertz::DammertzRule;
 pub use pixel::PixelRule;
 pub use tile::TileRule;
 pub use tree::{Rebuild, TreeRule};
+pub use unbiased::UnbiasedRule;
 
 use std::sync::Arc;
 
-use crate::{DammertzMetric, ErrorMetric, ErrorPlane, RegionTree, Regions, SampleWorth};
+use crate::{DammertzMetric, ErrorMetric, ErrorPlane, PassCounts, RegionTree, Regions, SampleWorth};
 
 /// How sampling is steered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -34,6 +36,8 @@ pub enum Policy {
     /// The talk's tree over [`SampleWorth`] instead of the error, drawing exactly the active pixels.
     #[default]
     Quietus,
+    /// Counts from pilots of other pixels only, so that every pixel's mean is unbiased ([`UnbiasedRule`]).
+    Unbiased,
 }
 
 /// What a policy needs to know of the picture and the request.
@@ -47,6 +51,8 @@ pub struct RuleSettings {
     pub frame_area: f64,
     /// How trees are rebuilt.
     pub rebuild: Rebuild,
+    /// How counts grow.
+    pub counts: PassCounts,
 }
 
 /// Which pixels are active, as of one update.
@@ -60,7 +66,9 @@ pub trait ActivePixels: Send + Sync {
 /// With unchanged errors an update never activates a pixel: otherwise a finished picture would not stay so.
 pub trait StoppingRule: ActivePixels {
     /// Takes in the errors as they are now. The coordinator calls this only once every tile of the region has
-    /// its minimum of samples; before, all pixels are active.
+    /// its minimum of samples; before, all pixels are active. In deterministic mode the first call is made with
+    /// the errors of pass [`PassCounts::min_passes`] - 1, the next ones with those of each pass that follows,
+    /// until a pass draws nothing in the region.
     fn update(&mut self, errors: &ErrorPlane);
 
     /// What the last update decided, kept as it is now: readers under a lock look into this while the rule
@@ -94,6 +102,7 @@ impl Policy {
             Self::Pixel => Box::new(PixelRule::new(settings, region)),
             Self::Talk => Box::new(TreeRule::new(settings, region).filling_bounding_rectangles()),
             Self::Quietus => Box::new(TreeRule::new(settings, region)),
+            Self::Unbiased => Box::new(UnbiasedRule::new(settings, region)),
         }
     }
 }
@@ -169,6 +178,12 @@ impl HomeMasks {
                 self.masks[slot] |= crate::active_mask::rect_in_tile(&origin, &part);
             }
         }
+    }
+
+    /// Adds one pixel, which lies in a home tile.
+    fn add_pixel(&mut self, x: u32, y: u32) {
+        let slot = self.slot(x / crate::TILE_SIZE, y / crate::TILE_SIZE);
+        self.masks[slot] |= 1 << (y % crate::TILE_SIZE * crate::TILE_SIZE + x % crate::TILE_SIZE);
     }
 
     fn is_empty(&self) -> bool {

@@ -1,0 +1,239 @@
+//! Sampling that leaves every pixel's mean unbiased: a pixel's number of samples never depends on its own values.
+//!
+//! Pixels are coloured like a checkerboard. Every pixel first takes a pilot, as many samples as the settings say.
+//! How many samples a black pixel gets in all is decided by the pilots of white ones alone, and the other way
+//! round. Samples of different pixels are independent, so given its count a pixel's samples, its own pilot among
+//! them, are what they would have been with that count fixed in advance: the plain mean has the right expectation.
+//! `docs/method-unbiased.md` has the proof, what would break it, and what was tried.
+//!
+//! Noise is estimated by windows of the other colour's pilots, mixed with the region's mean. Size of the window and
+//! weight of the mean are chosen by the pilots, too: by how well the window around each pixel of *their* colour,
+//! without the pixel itself, would have dealt samples to it (leave-one-out cross-validation).
+
+use std::sync::Arc;
+
+use super::{ActivePixels, HomeMasks, RuleSettings, StoppingRule};
+use crate::{
+    ErrorPlane, PassCounts, PixelError, PixelRect, Regions, TILE_PIXELS, TILE_SIZE,
+    error_metric::NOMINAL_SAMPLES,
+};
+
+/// Radii of the windows to choose from, in pixels: from the nearest neighbours to more than three tiles.
+const RADII: [u32; 7] = [1, 2, 3, 4, 6, 9, 13];
+
+/// Weights of the window against the region's mean to choose from. The even spread comes first: it is taken where
+/// nothing is better.
+const WEIGHTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+
+/// Counts decided by pilots of the other colour.
+pub struct UnbiasedRule {
+    region: u32,
+    scale: f64,
+    counts: PassCounts,
+    /// Samples each pixel of the home tiles should have, row by row; empty before the pilot is over.
+    wanted: Vec<f64>,
+    /// The pass that will consult the next tree, and the samples of a pixel that all passes before it draw.
+    next: (u64, u32),
+    masks: HomeMasks,
+}
+
+impl UnbiasedRule {
+    /// The pixels of a region before their pilot is over.
+    pub fn new(settings: &RuleSettings, region: u32) -> Self {
+        let counts = settings.counts;
+        // Tree k is consulted in pass k + lag; the first is made of pass `min_passes - 1`.
+        let consulted = counts.min_passes() - 1 + u64::from(counts.lag);
+        Self {
+            region,
+            scale: samples_per_error(settings),
+            wanted: Vec::new(),
+            next: (consulted, counts.after(consulted)),
+            masks: HomeMasks::full(&settings.regions, region),
+            counts,
+        }
+    }
+
+    /// Decides how many samples each pixel of the home tiles should have.
+    fn decide(&mut self, errors: &ErrorPlane) {
+        let home = self.masks.home;
+        self.wanted = vec![0.0; home.area() as usize];
+        let range = [f64::from(self.next.1), f64::from(self.counts.max_samples)];
+        for color in [0, 1] {
+            let pilot = Pilot::new(errors, &self.masks.regions, self.region, color);
+            let choice = pilot.choose(self.scale, range);
+            for y in home.y0..home.y1 {
+                for x in (home.x0..home.x1).filter(|x| (x + y) % 2 != color) {
+                    let place = u64::from(y - home.y0) * u64::from(home.width()) + u64::from(x - home.x0);
+                    self.wanted[place as usize] = self.scale * pilot.noise(x, y, choice);
+                }
+            }
+        }
+    }
+}
+
+/// Samples that a pilot error of 1 asks for.
+///
+/// [`crate::SampleWorth`] of a pixel of n samples is `e sqrt(n_0 / n) sqrt(64 / n)` where its pilot of n_0 samples had
+/// the error e. Counts make it the same in all pixels, so that no sample is worth more elsewhere, and as large as
+/// makes the region error of one tile the target: `worth sqrt(64 / N_img) = target`.
+fn samples_per_error(settings: &RuleSettings) -> f64 {
+    let pilot = settings.counts.after(settings.counts.min_passes());
+    let worth = settings.target_error * (settings.frame_area / TILE_PIXELS as f64).sqrt();
+    (NOMINAL_SAMPLES * f64::from(pilot)).sqrt() / worth
+}
+
+impl ActivePixels for UnbiasedRule {
+    fn active(&self, tile: u32) -> u64 {
+        self.masks.active(tile)
+    }
+}
+
+impl StoppingRule for UnbiasedRule {
+    /// The first call ends the pilot; later ones look at no error any more, only at what was decided.
+    fn update(&mut self, errors: &ErrorPlane) {
+        if self.wanted.is_empty() {
+            self.decide(errors);
+        }
+        let (pass, count) = self.next;
+        let grown = self.counts.grown(count, pass);
+        // Counts end on pass boundaries, on the one that is nearer by ratio. Who wants more than the maximum stays
+        // active there: it did not get what it needs.
+        let enough = (f64::from(count) * f64::from(grown)).sqrt();
+        let home = self.masks.home;
+        self.masks.clear();
+        for (y, row) in (home.y0..).zip(self.wanted.chunks(home.width() as usize)) {
+            for (x, &wanted) in (home.x0..).zip(row) {
+                if wanted > enough {
+                    self.masks.add_pixel(x, y);
+                }
+            }
+        }
+        self.next = (pass + 1, grown);
+    }
+
+    fn check(&self) -> Arc<dyn ActivePixels> {
+        Arc::new(self.masks.clone())
+    }
+
+    fn is_complete(&self) -> bool {
+        !self.wanted.is_empty() && self.masks.is_empty()
+    }
+}
+
+/// A window's radius and its weight against the region's mean.
+type Choice = (u32, f64);
+
+/// The pilots of one colour in a region's error area: their errors, and sums over windows of them.
+struct Pilot {
+    rect: PixelRect,
+    /// Error of each pixel, row by row; rejected in pixels of the other colour.
+    errors: Vec<PixelError>,
+    /// Summed-area table of the errors' steps and their number, with a row and a column of zeros in front.
+    sums: Vec<(u64, u64)>,
+}
+
+impl Pilot {
+    fn new(plane: &ErrorPlane, regions: &Regions, region: u32, color: u32) -> Self {
+        let rect = regions.error_rect(region);
+        let width = rect.width() as usize;
+        let mut errors = vec![PixelError::REJECTED; rect.area() as usize];
+        for tile in regions.error_tiles(region) {
+            let part = regions.grid().tile_rect(tile);
+            let loaded = plane.load_tile(tile);
+            for y in part.y0..part.y1 {
+                for x in (part.x0..part.x1).filter(|x| (x + y) % 2 == color) {
+                    let place = (y - rect.y0) as usize * width + (x - rect.x0) as usize;
+                    errors[place] = loaded[((y - part.y0) * TILE_SIZE + x - part.x0) as usize];
+                }
+            }
+        }
+        Self { rect, sums: summed_area(&errors, width), errors }
+    }
+
+    /// Sum of the steps and number of the pilots at most `radius` away from (x, y) on either axis.
+    fn window(&self, x: u32, y: u32, radius: u32) -> (u64, u64) {
+        let PixelRect { x0, y0, x1, y1 } = self.rect;
+        let columns = [x.saturating_sub(radius).max(x0) - x0, (x + radius + 1).min(x1) - x0];
+        let rows = [y.saturating_sub(radius).max(y0) - y0, (y + radius + 1).min(y1) - y0];
+        let stride = self.rect.width() as usize + 1;
+        let at = |column: u32, row: u32| self.sums[row as usize * stride + column as usize];
+        let [a, b, c, d] = [
+            at(columns[0], rows[0]),
+            at(columns[1], rows[0]),
+            at(columns[0], rows[1]),
+            at(columns[1], rows[1]),
+        ];
+        (d.0 + a.0 - b.0 - c.0, d.1 + a.1 - b.1 - c.1)
+    }
+
+    /// Mean error; none where there is no pilot.
+    fn mean(&self) -> Option<f64> {
+        self.sums.last().and_then(|&sum| mean(sum))
+    }
+
+    /// Noise of the pixel at (x, y), of the other colour. Without any pilot nothing is known, and noise may be
+    /// endless.
+    fn noise(&self, x: u32, y: u32, (radius, weight): Choice) -> f64 {
+        let Some(all) = self.mean() else { return f64::INFINITY };
+        let near = mean(self.window(x, y, radius)).unwrap_or(all);
+        weight * near + (1.0 - weight) * all
+    }
+
+    /// The choice that would have dealt samples best among the pilots themselves. A pixel of error e that gets n
+    /// samples contributes `e^2 / n` to the squared error, so that a choice costs `sum(n) sum(e^2 / n)`: the
+    /// error at an equal number of samples. `range` has the least and the largest count.
+    fn choose(&self, scale: f64, range: [f64; 2]) -> Choice {
+        let Some(all) = self.mean() else { return (RADII[0], 0.0) };
+        let mut best = (f64::INFINITY, (RADII[0], 0.0));
+        for radius in RADII {
+            let mut totals = [(0.0, 0.0); WEIGHTS.len()];
+            self.for_each_without_itself(radius, |error, near| {
+                for (weight, (samples, squares)) in WEIGHTS.iter().zip(&mut totals) {
+                    let noise = weight * near.unwrap_or(all) + (1.0 - weight) * all;
+                    let n = (scale * noise).clamp(range[0], range[1]);
+                    *samples += n;
+                    *squares += error * error / n;
+                }
+            });
+            for (&weight, (samples, squares)) in WEIGHTS.iter().zip(totals) {
+                if samples * squares < best.0 {
+                    best = (samples * squares, (radius, weight));
+                }
+            }
+        }
+        best.1
+    }
+
+    /// Calls `look` with the error of each pilot and the mean of its window without itself.
+    fn for_each_without_itself(&self, radius: u32, mut look: impl FnMut(f64, Option<f64>)) {
+        let width = self.rect.width() as usize;
+        for (place, error) in self.errors.iter().enumerate().filter(|(_, error)| !error.is_rejected()) {
+            let (x, y) = (self.rect.x0 + (place % width) as u32, self.rect.y0 + (place / width) as u32);
+            let (sum, count) = self.window(x, y, radius);
+            look(error.steps() as f64 / STEPS, mean((sum - error.steps(), count - 1)));
+        }
+    }
+}
+
+/// Steps of an error of 1.
+const STEPS: f64 = (1_u32 << PixelError::FRACTION_BITS) as f64;
+
+fn mean((steps, count): (u64, u64)) -> Option<f64> {
+    (count > 0).then(|| steps as f64 / STEPS / count as f64)
+}
+
+/// Prefix sums of the errors that are there, and their number.
+fn summed_area(errors: &[PixelError], width: usize) -> Vec<(u64, u64)> {
+    let stride = width + 1;
+    let mut sums = vec![(0, 0); stride * (errors.len() / width + 1)];
+    for (row, errors) in errors.chunks(width).enumerate() {
+        let mut run = (0, 0);
+        for (column, error) in errors.iter().enumerate() {
+            run.0 += error.steps();
+            run.1 += u64::from(!error.is_rejected());
+            let above = sums[row * stride + column + 1];
+            sums[(row + 1) * stride + column + 1] = (above.0 + run.0, above.1 + run.1);
+        }
+    }
+    sums
+}

@@ -7,6 +7,7 @@ use clap::Args;
 use quietus_eval::{
     EvalError, Look, Method, Study, StudySpec, Subject, cache_directory,
     compare::{Comparison, compare},
+    equivalence::{EquivalencePlan, equivalence},
     measure::Measure,
     report,
     sweep::{Plan, Series, sweep},
@@ -33,9 +34,9 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "N", default_value_t = 16)]
     streams: u32,
 
-    /// Samples in each of them; a run takes at most twice as many per pixel.
-    #[arg(long, value_name = "N", default_value_t = 512)]
-    samples: u32,
+    /// Samples in each of them; a run takes at most twice as many per pixel. [default: 512; 64 with --equivalence]
+    #[arg(long, value_name = "N")]
+    samples: Option<u32>,
 
     /// Seed of the recorded samples.
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -83,6 +84,11 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "NAME", default_value = "weighted", value_parser = parse_measure)]
     measure: Measure,
 
+    /// Test instead whether METHOD is free of bias: many short runs (--runs, default 1000) with seeds of their own,
+    /// at one budget (--budgets, default 40).
+    #[arg(long, value_name = "METHOD", value_parser = parse_method, conflicts_with_all = ["methods", "html"])]
+    equivalence: Option<Method>,
+
     /// Write everything here, as JSON.
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
@@ -122,6 +128,9 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending, Failure> {
     for path in [&args.json, &args.html].into_iter().flatten() {
         check_writable(path)?;
     }
+    if let Some(method) = args.equivalence {
+        return show_equivalence(args, method);
+    }
     let mut found = Vec::new();
     for source in &args.scenes {
         let study = open(args, source)?;
@@ -145,16 +154,50 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending, Failure> {
     Ok(Ending::Success)
 }
 
-fn open(args: &EvalArgs, source: &str) -> Result<Study, Failure> {
+/// `--equivalence`: bias with its intervals, and whether they lie within the margins.
+fn show_equivalence(args: &EvalArgs, method: Method) -> Result<Ending, Failure> {
+    let mut all = Vec::new();
+    for source in &args.scenes {
+        let subject = subject(source)?;
+        let plan = EquivalencePlan {
+            method,
+            look: look(args),
+            runs: u32::try_from(args.runs.unwrap_or(1000)).unwrap_or(u32::MAX),
+            budget: args.budgets.first().copied().unwrap_or(40.0),
+            min_samples: args.min_samples.unwrap_or(16),
+            max_samples: args.samples.unwrap_or(64).saturating_mul(2),
+            reference_spp: args.reference_spp,
+        };
+        let found = equivalence(&subject, &plan)?;
+        say::result(report::equivalence_table(&found));
+        all.push(found);
+    }
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::internal(e.to_string()))?;
+        write(path, &text)?;
+    }
+    Ok(Ending::Success)
+}
+
+fn subject(source: &str) -> Result<Subject, Failure> {
     let subject = Subject::open(source)?;
     for warning in &subject.warnings {
         say::aside(format_args!("{source}: {warning}"));
     }
+    Ok(subject)
+}
+
+fn look(args: &EvalArgs) -> Look {
     let [width, height] = args.size;
+    Look { width, height, max_depth: args.max_depth, filter: args.filter.clone() }
+}
+
+fn open(args: &EvalArgs, source: &str) -> Result<Study, Failure> {
+    let subject = subject(source)?;
     let spec = StudySpec {
-        look: Look { width, height, max_depth: args.max_depth, filter: args.filter.clone() },
+        look: look(args),
         streams: args.streams,
-        samples: args.samples,
+        samples: args.samples.unwrap_or(512),
         seed: args.seed,
         reference_spp: args.reference_spp,
     };

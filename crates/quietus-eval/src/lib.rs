@@ -20,6 +20,7 @@
 
 pub mod bank;
 pub mod compare;
+pub mod equivalence;
 mod error;
 mod files;
 pub mod limit;

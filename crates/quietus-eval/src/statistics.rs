@@ -5,7 +5,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::runs::Random;
 
-/// An estimate with its two-sided 95 % confidence interval.
+/// An estimate with its two-sided confidence interval, of 95 % where nothing else is said.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The estimate.
@@ -25,13 +25,18 @@ impl Estimate {
 
 /// Mean of independent values, with Student's interval; the interval of fewer than two is endless.
 pub fn mean_interval(values: &[f64]) -> Estimate {
+    mean_interval_at(values, 0.95)
+}
+
+/// As [`mean_interval`], of another confidence than 95 %.
+pub fn mean_interval_at(values: &[f64], confidence: f64) -> Estimate {
     let n = values.len() as f64;
     let value = mean(values);
     let Ok(t) = StudentsT::new(0.0, 1.0, n - 1.0) else {
         return Estimate { value, low: f64::NEG_INFINITY, high: f64::INFINITY };
     };
     let spread = values.iter().map(|v| (v - value).powi(2)).sum::<f64>() / (n - 1.0);
-    let half = t.inverse_cdf(0.975) * (spread / n).sqrt();
+    let half = t.inverse_cdf(0.5 + 0.5 * confidence) * (spread / n).sqrt();
     Estimate { value, low: value - half, high: value + half }
 }
 

@@ -6,4 +6,4 @@ mod plot;
 mod table;
 
 pub use html::{Scene, html};
-pub use table::{DEFAULT_MEASURE, table};
+pub use table::{DEFAULT_MEASURE, equivalence_table, table};

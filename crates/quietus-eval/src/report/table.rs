@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use crate::{
     compare::{Comparison, ErrorPoint, Point},
+    equivalence::{CONFIDENCE, Equivalence},
     measure::Measure,
     statistics::Estimate,
 };
@@ -110,4 +111,23 @@ pub(crate) fn interval(e: Estimate, digits: usize) -> String {
 /// `value +- half of the interval`, in percent.
 pub(crate) fn percent(e: Estimate) -> String {
     format!("{:+.2} +-{:.2}", 100.0 * e.value, 50.0 * (e.high - e.low))
+}
+
+/// Lines of text on whether a method is free of bias.
+pub fn equivalence_table(found: &Equivalence) -> String {
+    let line = |name: &str, e: Estimate, margin: f64| {
+        let [value, low, high] = [e.value, e.low, e.high].map(|v| 100.0 * v);
+        format!("  {name:<14} {value:+.3} % [{low:+.3}, {high:+.3}], allowed +-{:.1} %\n", 100.0 * margin)
+    };
+    let Equivalence { scene, runs, spp, tiles, margins, .. } = found;
+    let method = found.method.name();
+    let verdict = if found.is_shown() { "shown" } else { "not shown" };
+    format!(
+        "{scene}: energy of {method} against uniform sampling, {runs} runs of {spp:.1} spp, {:.0} % confidence\n{}{}{}  \
+         {tiles} tiles are at least half as bright as the median one; equivalence {verdict}\n",
+        100.0 * CONFIDENCE,
+        line("picture", found.picture, margins.picture),
+        line("darkest fifth", found.darkest_fifth, margins.darkest_fifth),
+        line("worst tile", found.worst_tile, margins.tile),
+    )
 }

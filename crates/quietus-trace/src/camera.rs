@@ -53,12 +53,6 @@ pub enum CameraError {
         /// What it said.
         lens_radius: f32,
     },
-    /// A medium around the camera.
-    #[error("camera \"{name}\": cameras inside of media are not supported")]
-    Medium {
-        /// The camera's name.
-        name: String,
-    },
     /// A transform that scales, shears or is not finite, at either end of the shutter's time.
     #[error("camera \"{name}\": its transform is not a rotation with translation")]
     Transform {
@@ -124,14 +118,11 @@ impl Camera {
     ///
     /// # Errors
     /// A frame without pixels, a field of view outside of 0..pi, a lens without a positive focus distance, a
-    /// transform that is not orthonormal, a motion into a mirror; a medium around it.
+    /// transform that is not orthonormal, a motion into a mirror.
     pub fn new(camera: &desc::Camera, width: u32, height: u32) -> Result<Self, CameraError> {
         let name = || camera.name.clone();
         if width == 0 || height == 0 {
             return Err(CameraError::EmptyFrame(width, height));
-        }
-        if camera.medium.is_some() {
-            return Err(CameraError::Medium { name: name() });
         }
         let frame = Vec2::new(width as f32, height as f32);
         let projection = projection(camera, frame)?;

@@ -1,7 +1,9 @@
 //! From a hit to the surface there: position with error bound, normals, texture coordinates, tangents, colours.
 
+mod footprint;
 mod shapes;
 
+pub(crate) use footprint::footprint;
 use glam::{Affine3A, Mat3A, Vec2, Vec3, Vec3A, Vec4};
 
 use crate::bvh::{Hit, Ray};
@@ -45,6 +47,11 @@ impl Placement {
         } else {
             Vec3::from(self.normals * Vec3A::from(normal)).normalize_or_zero()
         }
+    }
+
+    #[inline(always)]
+    fn vector_to_object(&self, v: Vec3) -> Vec3 {
+        if self.identity { v } else { self.to_object.transform_vector3(v) }
     }
 
     #[inline(always)]

@@ -11,11 +11,12 @@ use thiserror::Error;
 use crate::bvh::{Accel, Bounds, Hit, Ray};
 use crate::desc::{Geometry, MaterialId, SceneDesc};
 use crate::geometry::motion::Motion;
-use crate::interaction::{Interaction, Placement, surface_point};
+use crate::interaction::{Interaction, Placement, footprint, surface_point};
 use crate::isa::Isa;
 use crate::light::{Environment, Found, LightSample, Lights, Receiver};
 use crate::material::{MaterialError, MaterialTable};
 use crate::medium::{Border, Inside, Medium};
+use crate::texture::Footprint;
 
 /// Why a description cannot be drawn. Every message names the part by its index and, where it has one, its name.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -195,6 +196,25 @@ impl Scene {
         let surface =
             Interaction::new(&shape.geometry, (shape.material, shape.textured), placement, hit, ray);
         if shape.flipped { surface.flipped() } else { surface }
+    }
+
+    /// What a cone of `radius` around a ray in `direction`, of unit length, covers of the surface at `hit`; the point
+    /// alone where the material looks at no textures.
+    #[inline(always)]
+    pub(crate) fn footprint(
+        &self,
+        hit: &Hit,
+        surface: &Interaction,
+        (direction, time): (Vec3, f32),
+        radius: f32,
+    ) -> Footprint {
+        let (placed, shape) = self.shape(hit.instance, hit.shape);
+        if !shape.textured {
+            return Footprint::POINT;
+        }
+        let mut moved = None;
+        let placement = self.placement(placed, time, &mut moved);
+        footprint(&shape.geometry, placement, hit, surface, (direction, time), radius)
     }
 
     /// The frame normal maps and tangents want at `hit` of `ray`, around the shading normal `normal`.

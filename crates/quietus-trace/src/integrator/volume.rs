@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use super::{CAMERA_DIMENSIONS, Path, VERTEX_DIMENSIONS, power_heuristic, segment_to};
+use super::{CAMERA_DIMENSIONS, Path, VERTEX_DIMENSIONS, power_heuristic, segment_to, spread};
 use crate::bvh::{Hit, Ray};
 use crate::interaction::Interaction;
 use crate::isa::{Isa, Job};
@@ -102,6 +102,7 @@ impl<J: Isa> Job for ScatterInMedium<'_, '_, J> {
         // A medium has one lobe: the number that chooses among several is left out.
         let (_, u) = (path.sampler.next_1d(), path.sampler.next_2d());
         (path.direction, path.pdf) = medium.phase.sample(path.direction, u);
+        path.cone.spread = path.cone.spread.max(spread(path.pdf));
         path.survives(depth)
     }
 }

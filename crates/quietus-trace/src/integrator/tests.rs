@@ -3,6 +3,7 @@
 mod motion;
 mod shapes;
 mod surfaces;
+mod textures;
 mod volume;
 
 use std::f64::consts::PI;

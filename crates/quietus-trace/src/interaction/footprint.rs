@@ -6,12 +6,12 @@ use glam::{Vec2, Vec3};
 
 use super::{Interaction, Placement, corners};
 use crate::bvh::Hit;
-use crate::desc::{Geometry, Mesh};
+use crate::desc::{Geometry, Mesh, PatchMesh};
+use crate::geometry::patch;
 use crate::texture::Footprint;
 
 /// The footprint of a cone around a ray in `direction` at `time`, whose radius is `radius` where it meets the surface
-/// at `interaction`. In texture coordinates only triangles and spheres have one; others are points there, which
-/// leaves images unfiltered.
+/// at `interaction`. In texture coordinates quadrics and curves have none: images on them are not filtered.
 ///
 /// The cone is taken for a cylinder and the surface for its tangent plane (Akenine-Moeller, Crassin, Boksansky, Belcour,
 /// Panteleev and Wright 2021, "Improved Shader and Texture Level of Detail Using Ray Cones", section 4).
@@ -31,7 +31,8 @@ pub(crate) fn footprint(
             let point = placement.to_object.transform_point3(interaction.position);
             [local.map(|step| on_sphere((point - center) / radius, step / radius)); 2]
         }
-        _ => [[Vec2::ZERO; 2]; 2],
+        Geometry::Patches(mesh) => [on_patch(mesh, hit, local); 2],
+        Geometry::Quadric(_) | Geometry::Curves(_) => [[Vec2::ZERO; 2]; 2],
     };
     Footprint { axes, uv }
 }
@@ -51,12 +52,7 @@ fn ellipse(normal: Vec3, direction: Vec3, radius: f32) -> [Vec3; 2] {
 fn on_triangle(mesh: &Mesh, hit: &Hit, time: f32, steps: [Vec3; 2]) -> [[Vec2; 2]; 2] {
     let indices = mesh.triangles[hit.primitive as usize].map(|i| i as usize);
     let ([a, b, c], _) = corners(mesh, indices, time);
-    let (edge1, edge2) = (b - a, c - a);
-    let normal = edge1.cross(edge2);
-    let inverse = normal.length_squared().recip();
-    // Gradients of the barycentric coordinates of the second and the third corner.
-    let (by_b, by_c) = (edge2.cross(normal) * inverse, normal.cross(edge1) * inverse);
-    let barycentric = steps.map(|step| Vec2::new(by_b.dot(step), by_c.dot(step)));
+    let barycentric = parameters([b - a, c - a], steps);
     [0, 1].map(|set: usize| {
         let uvs = &mesh.uvs[set];
         if uvs.is_empty() {
@@ -65,6 +61,28 @@ fn on_triangle(mesh: &Mesh, hit: &Hit, time: f32, steps: [Vec3; 2]) -> [[Vec2; 2
         let [a, b, c] = indices.map(|i| uvs[i]);
         barycentric.map(|step| step.x * (b - a) + step.y * (c - a))
     })
+}
+
+/// What the texture coordinates of a bilinear patch change by along steps in its tangent plane, in object space.
+fn on_patch(mesh: &PatchMesh, hit: &Hit, steps: [Vec3; 2]) -> [Vec2; 2] {
+    let indices = mesh.patches[hit.primitive as usize].map(|i| i as usize);
+    let derivatives = patch::derivatives(&indices.map(|i| mesh.positions[i]), hit.u, hit.v);
+    let steps = parameters(derivatives, steps);
+    if mesh.uvs.is_empty() {
+        return steps;
+    }
+    let [p00, p10, p01, p11] = indices.map(|i| mesh.uvs[i]);
+    let by_u = (p10 - p00).lerp(p11 - p01, hit.v);
+    let by_v = (p01 - p00).lerp(p11 - p10, hit.u);
+    steps.map(|step| step.x * by_u + step.y * by_v)
+}
+
+/// What the two parameters of a surface change by along steps in the plane of the derivatives of the position by them.
+fn parameters([by_u, by_v]: [Vec3; 2], steps: [Vec3; 2]) -> [Vec2; 2] {
+    let normal = by_u.cross(by_v);
+    let inverse = normal.length_squared().recip();
+    let (u, v) = (by_v.cross(normal) * inverse, normal.cross(by_u) * inverse);
+    steps.map(|step| Vec2::new(u.dot(step), v.dot(step)))
 }
 
 /// What the texture coordinates of the unit sphere (see [`super::sphere_surface`]) change by along a step from
@@ -137,6 +155,37 @@ mod tests {
             assert_eq!(none, [Vec2::ZERO; 2]);
             for (found, step) in found.iter().zip(steps) {
                 assert!((*found - uv(step)).length() < 1e-3, "{found} {}", uv(step));
+            }
+        }
+    }
+
+    /// On a patch, with texture coordinates of its own or without: the difference quotients of the coordinates.
+    #[test]
+    fn steps_on_patches_are_derivatives() {
+        let corners = [[0., 0., 0.], [2., 0., 1.], [0., 1., -1.], [3., 2., 2.]].map(Vec3::from_array);
+        let uvs = [[0., 0.], [2., 0.5], [0.5, 1.], [3., 3.]].map(Vec2::from_array);
+        for uvs in [Vec::new(), uvs.to_vec()] {
+            let mesh = PatchMesh {
+                positions: corners.to_vec(),
+                patches: vec![[0, 1, 2, 3]],
+                uvs,
+                ..PatchMesh::default()
+            };
+            let (u, v) = (0.3, 0.6);
+            let hit = Hit { t: 1.0, u, v, instance: 0, shape: 0, primitive: 0 };
+            let corner = |i: usize| {
+                if mesh.uvs.is_empty() { [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE][i] } else { mesh.uvs[i] }
+            };
+            let uv = |u: f32, v: f32| {
+                let below = corner(0).lerp(corner(1), u);
+                below.lerp(corner(2).lerp(corner(3), u), v)
+            };
+            let h = 1e-3;
+            for (du, dv) in [(h, 0.0), (0.0, h), (h, -h)] {
+                let step = patch::blend(corners, u + du, v + dv) - patch::blend(corners, u, v);
+                let expected = uv(u + du, v + dv) - uv(u, v);
+                let [found, _] = on_patch(&mesh, &hit, [step; 2]);
+                assert!((found - expected).length() < 1e-2 * h, "{found} {expected}");
             }
         }
     }

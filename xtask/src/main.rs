@@ -1,5 +1,6 @@
 //! One entry to everything a developer of Quietus does: `cargo xtask test`, `lint`, `bench`, `measure`, `gallery`.
 
+mod bench;
 mod gallery;
 mod lint;
 mod measure;
@@ -23,9 +24,9 @@ enum Task {
     Lint,
     /// Licences and advisories of dependencies, with cargo-deny (installed on demand)
     Deny,
-    /// Criterion benches; arguments go to `cargo bench`
+    /// `peers`: whole pictures against Mitsuba 3; `kernel`: rays against Embree 3; else criterion's benches
     Bench {
-        /// Passed on, for example `-p quietus --bench rebuild`
+        /// Passed on, for example `peers --turns 5`, or to `cargo bench`: `-p quietus --bench rebuild`
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<String>,
     },
@@ -41,7 +42,7 @@ fn main() -> anyhow::Result<()> {
         Task::Test => test::test(),
         Task::Lint => lint::lint(),
         Task::Deny => lint::deny(),
-        Task::Bench { arguments } => run::run(run::cargo().arg("bench").args(arguments)),
+        Task::Bench { arguments } => bench::bench(&arguments),
         Task::Measure(what) => measure::measure(&what),
         Task::Gallery => gallery::gallery(),
     }

@@ -9,7 +9,8 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use glam::{Affine3A, Mat3A, Mat4, Vec3};
 use quietus_trace::desc::{
-    Camera, EnvironmentLayout, FrameAxis, Geometry, Light, MaterialId, Mesh, Projection, Quadric, SceneDesc, Shape,
+    Camera, EnvironmentLayout, FrameAxis, Geometry, Light, MaterialId, Mesh, Projection, Quadric, SceneDesc,
+    Shape,
 };
 use serde_json::{Map, Value, json};
 
@@ -168,7 +169,13 @@ impl Export<'_> {
         self.scene.materials[material.0 as usize].emission.factor
     }
 
-    fn shape(&mut self, key: &str, shape: &Shape, to_world: &Affine3A, may_emit: bool) -> Result<Option<Value>> {
+    fn shape(
+        &mut self,
+        key: &str,
+        shape: &Shape,
+        to_world: &Affine3A,
+        may_emit: bool,
+    ) -> Result<Option<Value>> {
         let mut value = match &shape.geometry {
             Geometry::Mesh(mesh) => {
                 let file = format!("{key}.ply");
@@ -176,7 +183,9 @@ impl Export<'_> {
                 json!({"type": "ply", "filename": file})
             }
             Geometry::Sphere { center, radius } => {
-                let place = *to_world * Affine3A::from_translation(*center) * Affine3A::from_scale(Vec3::splat(*radius));
+                let place = *to_world
+                    * Affine3A::from_translation(*center)
+                    * Affine3A::from_scale(Vec3::splat(*radius));
                 json!({"type": "sphere", "to_world": matrix(&place), "flip_normals": shape.flipped})
             }
             Geometry::Quadric(Quadric::Disk { height, radius, .. }) => {
@@ -224,7 +233,8 @@ impl Export<'_> {
                 crate::materials::write_exr(image, environment.scale, &self.folder.join("environment.exr"))?;
                 // Both have +y for a pole; Mitsuba's first column looks along -z, ours the middle one.
                 let turn = Mat3A::from_rotation_y(std::f32::consts::PI);
-                let rotation = Affine3A::from_mat3(environment.to_world) * Affine3A { matrix3: turn, ..Affine3A::IDENTITY };
+                let rotation = Affine3A::from_mat3(environment.to_world)
+                    * Affine3A { matrix3: turn, ..Affine3A::IDENTITY };
                 json!({"type": "envmap", "filename": "environment.exr", "to_world": matrix(&rotation)})
             }
             Some(_) => {
@@ -242,13 +252,17 @@ fn write_ply(mesh: &Mesh, to_world: &Affine3A, flipped: bool, path: &Path) -> Re
     let has_normals = !mesh.normals.is_empty();
     let uvs = &mesh.uvs[0];
     let normal_matrix = Mat3A::from(to_world.matrix3).inverse().transpose();
-    let mut header = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", mesh.positions.len());
+    let mut header =
+        format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", mesh.positions.len());
     let normals = if has_normals { &["nx", "ny", "nz"][..] } else { &[] };
     let coordinates = if uvs.is_empty() { &[][..] } else { &["u", "v"] };
     for name in ["x", "y", "z"].iter().chain(normals).chain(coordinates) {
         header += &format!("property float {name}\n");
     }
-    header += &format!("element face {}\nproperty list uchar int vertex_indices\nend_header\n", mesh.triangles.len());
+    header += &format!(
+        "element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        mesh.triangles.len()
+    );
     let mut bytes = header.into_bytes();
     for (i, &position) in mesh.positions.iter().enumerate() {
         push(&mut bytes, &to_world.transform_point3(position).to_array());

@@ -111,7 +111,12 @@ fn quietus(arguments: &Compare, scene: &str, folder: &Path) -> Result<Measured> 
     let mut command = Command::new(std::env::current_exe()?);
     command.arg("ours").arg(scene).arg("--folder").arg(folder);
     command.args(["--size", &arguments.size.to_string(), "--samples", &arguments.samples.to_string()]);
-    command.args(["--max-depth", &arguments.max_depth.to_string(), "--threads", &arguments.threads.to_string()]);
+    command.args([
+        "--max-depth",
+        &arguments.max_depth.to_string(),
+        "--threads",
+        &arguments.threads.to_string(),
+    ]);
     measure(command, folder, "quietus")
 }
 
@@ -132,8 +137,10 @@ fn measure(mut command: Command, folder: &Path, prefix: &str) -> Result<Measured
     let text = String::from_utf8_lossy(&output.stdout);
     let line = text.lines().last().with_context(|| format!("nothing printed by {command:?}"))?;
     let mut measured: Measured = serde_json::from_str(line).with_context(|| format!("printed: {line}"))?;
-    let pictures: Vec<Vec<f32>> =
-        SEEDS.iter().map(|seed| read_raw(&folder.join(format!("{prefix}-{seed}.raw")))).collect::<Result<_>>()?;
+    let pictures: Vec<Vec<f32>> = SEEDS
+        .iter()
+        .map(|seed| read_raw(&folder.join(format!("{prefix}-{seed}.raw"))))
+        .collect::<Result<_>>()?;
     measured.compare(&pictures[0], &pictures[1]);
     Ok(measured)
 }

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use glam::{Affine2, Mat4, Vec3, Vec4};
 use quietus_trace::desc::{
-    Alpha, Coat, ColorParam, Image, ImageTexture, Mapping, Material, MaterialId, Metal, MetalRough, Roughness,
-    RoughnessScale, ScalarParam, SceneDesc, Surface, Texture, TextureId, Wrap,
+    Alpha, Coat, ColorParam, Image, ImageTexture, Mapping, Material, MaterialId, Metal, MetalRough,
+    Roughness, RoughnessScale, ScalarParam, SceneDesc, Surface, Texture, TextureId, Wrap,
 };
 use serde_json::{Value, json};
 
@@ -78,7 +78,9 @@ impl<'a> Materials<'a> {
                 self.roughen(&mut value, roughness, "roughdielectric")?;
                 value
             }
-            Surface::ThinDielectric { ior } => json!({"type": "thindielectric", "int_ior": ior, "ext_ior": 1.0}),
+            Surface::ThinDielectric { ior } => {
+                json!({"type": "thindielectric", "int_ior": ior, "ext_ior": 1.0})
+            }
             Surface::CoatedDiffuse { reflectance, coat } => self.plastic(reflectance, coat)?,
             Surface::CoatedConductor { metal, roughness, .. } => {
                 self.note("coats of metals are left out");
@@ -170,7 +172,9 @@ impl<'a> Materials<'a> {
     }
 
     fn scalar(&mut self, parameter: &ScalarParam) -> Result<Value> {
-        let Some((TextureId(texture), channel)) = parameter.texture else { return Ok(json!(parameter.factor)) };
+        let Some((TextureId(texture), channel)) = parameter.texture else {
+            return Ok(json!(parameter.factor));
+        };
         let Texture::Image(texture) = &self.scene.textures[texture as usize] else {
             self.note("numbers driven by a texture that is no image are taken as constant");
             return Ok(json!(parameter.factor));
@@ -266,4 +270,3 @@ fn write_texels(image: &Image, value: impl Fn(Vec4) -> Vec3 + Sync, path: &Path)
     exr::prelude::write_rgb_file(path, width, height, pixel)
         .with_context(|| format!("cannot write {}", PathBuf::from(path).display()))
 }
-

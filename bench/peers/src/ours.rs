@@ -41,7 +41,7 @@ pub(crate) fn draw(job: &Job) -> Result<()> {
     let load_seconds = start.elapsed().as_secs_f64();
     let (mut wall, mut cpu, mut peak) = (vec![], vec![], None);
     for seed in SEEDS {
-        let view = View::new(&camera, [job.size; 2], Filter::Box, job.max_depth, seed.into())?;
+        let view = View::new(&camera, [job.size; 2], Filter::BOX, job.max_depth, seed.into())?;
         let tracer = PathTracer { scene: &scene, view: &view };
         let mut silent = |_: &_| ();
         let mut control = Control { cancel: &AtomicBool::new(false), progress: &mut silent };
@@ -50,7 +50,8 @@ pub(crate) fn draw(job: &Job) -> Result<()> {
         cpu.push(drawn.statistics.cpu_seconds.context("the system does not tell CPU times")?);
         peak = drawn.statistics.peak_rss_bytes;
         let picture = drawn.film.picture(|_| 0.0);
-        let bytes: Vec<u8> = picture.beauty.iter().flat_map(|c| [c[0], c[1], c[2]]).flat_map(f32::to_le_bytes).collect();
+        let bytes: Vec<u8> =
+            picture.beauty.iter().flat_map(|c| [c[0], c[1], c[2]]).flat_map(f32::to_le_bytes).collect();
         std::fs::write(job.folder.join(format!("quietus-{seed}.raw")), bytes)?;
     }
     println!(

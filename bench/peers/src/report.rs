@@ -75,7 +75,9 @@ impl Row {
 /// Prints a table; ratios are above 1 where Quietus, the first row, is better.
 pub(crate) fn print(scene: &str, size: u32, samples: u32, rows: &[Row]) {
     let paths = f64::from(size) * f64::from(size) * f64::from(samples);
-    println!("\n{scene}: {size}x{size}, {samples} samples per pixel, medians; in brackets Quietus's gain over it");
+    println!(
+        "\n{scene}: {size}x{size}, {samples} samples per pixel, medians; in brackets Quietus's gain over it"
+    );
     println!("| renderer | M paths per CPU-s | picture with load, s | peak MB | relMSE x s | mean |");
     println!("|---|---|---|---|---|---|");
     let ours = &rows[0];

@@ -5,8 +5,8 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use glam::{Affine3A, Mat3, Vec3};
 use quietus_trace::desc::{
-    Alpha, Camera, ColorParam, Environment, EnvironmentLayout, Geometry, Instance, Material, MaterialId, Mesh, Object,
-    ObjectId, SceneDesc, Shape, Surface,
+    Alpha, Camera, ColorParam, Environment, EnvironmentLayout, Geometry, Instance, Material, MaterialId,
+    Mesh, Object, ObjectId, SceneDesc, Shape, Surface,
 };
 
 use crate::common;
@@ -16,7 +16,9 @@ pub(crate) fn load(name: &str) -> Result<SceneDesc> {
     match name {
         "embedded" => Ok(quietus_scene::embedded()),
         "lump" => Ok(lump()),
-        file => Ok(quietus_scene::load(Path::new(file)).with_context(|| format!("cannot read {file}"))?.scene),
+        file => {
+            Ok(quietus_scene::load(Path::new(file)).with_context(|| format!("cannot read {file}"))?.scene)
+        }
     }
 }
 
@@ -48,7 +50,11 @@ fn lump() -> SceneDesc {
             scale: Vec3::new(0.4, 0.5, 0.7),
             to_world: Mat3::IDENTITY,
         }),
-        cameras: vec![Camera::perspective("main", Affine3A::from_mat3_translation(turn, eye), 55f32.to_radians())],
+        cameras: vec![Camera::perspective(
+            "main",
+            Affine3A::from_mat3_translation(turn, eye),
+            55f32.to_radians(),
+        )],
         ..SceneDesc::default()
     }
 }

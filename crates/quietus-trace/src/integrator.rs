@@ -30,6 +30,10 @@ mod volume;
 /// Path segments before Russian roulette may end a path: direct light carries most of the picture. In the Cornell box
 /// of the benchmark `paths`, 2 instead of 4 saves 23 % of the rays and adds 2 % to the variance.
 const ROULETTE_AFTER: u32 = 2;
+/// How much more than its throughput a path is trusted to carry where it may yet escape to an environment, which is
+/// bright on all sides. Relative variance times CPU time, against 1: 0.43 on a bumpy ball under a sky, 0.68 with a lamp
+/// beside the sky; in closed boxes it would be 1.03 and 1.20.
+const TRUST_IN_ENVIRONMENTS: f32 = 4.0;
 
 /// Dimensions of the sampler taken by the camera: place in the filter, place on the lens.
 const CAMERA_DIMENSIONS: u32 = 4;
@@ -353,7 +357,8 @@ impl<I: Isa> Path<'_, I> {
     /// Russian roulette by what the path can still carry.
     #[inline(always)]
     fn survives(&mut self, depth: u32) -> bool {
-        let carried = self.throughput.max_element() * self.eta2;
+        let trust = if self.scene.environment().is_some() { TRUST_IN_ENVIRONMENTS } else { 1.0 };
+        let carried = trust * self.throughput.max_element() * self.eta2;
         if depth < ROULETTE_AFTER || carried >= 1.0 {
             return carried > 0.0;
         }

@@ -70,8 +70,8 @@ impl SceneError {
         &self.file
     }
 
-    /// Where in the file: a JSON path such as `meshes[0].primitives[1].attributes.POSITION`, a line and column
-    /// or a byte offset; empty where the whole file is meant.
+    /// Where in the file: a JSON path such as `meshes[0].primitives[1].attributes.POSITION`, a line and column such as
+    /// `12:5`, or a byte offset; empty where the whole file is meant.
     pub fn place(&self) -> &str {
         &self.place
     }
@@ -84,7 +84,9 @@ impl SceneError {
 
 impl fmt::Display for SceneError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: ", self.file.display())?;
+        // Lines and columns follow the name at once, so that editors find the place.
+        let gap = if self.place.starts_with(|c: char| c.is_ascii_digit()) { "" } else { " " };
+        write!(f, "{}:{gap}", self.file.display())?;
         if !self.place.is_empty() {
             write!(f, "{}: ", self.place)?;
         }

@@ -1,4 +1,4 @@
-//! Scene readers of Quietus: glTF 2.0 files, environment maps, and the scene built into the program.
+//! Scene readers of Quietus: glTF 2.0 and pbrt-v4 files, environment maps, and the scene built into the program.
 //!
 //! Everything read is checked before it is used: a file that is truncated, contradicts itself or asks for absurd
 //! amounts of memory gives a [`SceneError`] that names file, place and what was expected, never a panic. What a
@@ -11,6 +11,8 @@ mod file;
 mod framing;
 mod gltf;
 mod image;
+mod pbrt;
+mod ply;
 mod scene_file;
 mod summary;
 
@@ -42,10 +44,11 @@ impl Loaded {
     }
 }
 
-/// Reads the glTF 2.0 file (`.gltf` or `.glb`, told apart by content) at `path` and everything it refers to, in the
-/// pose in which it is stored: [`SceneFile`] gives moments of its animations.
+/// Reads the scene at `path` and everything it refers to: pbrt-v4 where the name ends in `.pbrt` or `.pbrt.gz`, else
+/// glTF 2.0 (`.gltf` or `.glb`, told apart by content) in the pose in which it is stored: [`SceneFile`] gives moments
+/// of its animations.
 ///
-/// A scene without camera gets one that frames it, and one with neither lights nor emitters gets a plain sky;
+/// A glTF scene without camera gets one that frames it, and one with neither lights nor emitters gets a plain sky;
 /// both are said in the warnings.
 ///
 /// # Errors
@@ -54,11 +57,19 @@ pub fn load(path: &Path) -> Result<Loaded, SceneError> {
     SceneFile::open(path)?.still()
 }
 
-/// As [`load`], with the file's content already in memory: `path` is for messages, and to find the buffers and
-/// pictures beside it.
+/// As [`load`], with the file's content already in memory: `path` tells the format, is for messages, and to find the
+/// files beside it.
 ///
 /// # Errors
 /// As [`load`].
 pub fn load_bytes(path: &Path, bytes: &[u8]) -> Result<Loaded, SceneError> {
     SceneFile::open_bytes(path, bytes)?.still()
+}
+
+/// Reads the mesh in a PLY file whose content is `bytes`, unpacked; `path` is for messages.
+///
+/// # Errors
+/// Where the file is malformed or holds no mesh.
+pub fn read_ply_bytes(path: &Path, bytes: &[u8]) -> Result<quietus_trace::desc::Mesh, SceneError> {
+    ply::parse(path, bytes)
 }

@@ -8,11 +8,22 @@ use quietus_trace::desc::Camera;
 use crate::Loaded;
 use crate::error::{SceneError, Warning};
 use crate::gltf::{self, Moment, Stage};
+use crate::pbrt;
 
 /// A scene file that was read: pictures, materials and meshes are in memory, and the scene can be asked for as it
 /// stands in the file, or at any moment of its animations.
 #[derive(Debug)]
-pub struct SceneFile {
+pub struct SceneFile(Content);
+
+#[derive(Debug)]
+enum Content {
+    Gltf(Box<GltfFile>),
+    /// pbrt's scenes hold one moment.
+    Pbrt(Box<Loaded>),
+}
+
+#[derive(Debug)]
+struct GltfFile {
     stage: Stage,
     animations: Vec<Animation>,
     shape: Option<f32>,
@@ -35,7 +46,10 @@ impl SceneFile {
     /// # Errors
     /// As [`crate::load`].
     pub fn open(path: &Path) -> Result<Self, SceneError> {
-        Ok(Self::new(gltf::open(path)?))
+        Ok(Self(match pbrt::is_named_like(path) {
+            true => Content::Pbrt(Box::new(pbrt::load(path)?)),
+            false => Content::Gltf(Box::new(GltfFile::new(gltf::open(path)?))),
+        }))
     }
 
     /// As [`Self::open`], with the file's content already in memory, see [`crate::load_bytes`].
@@ -43,14 +57,10 @@ impl SceneFile {
     /// # Errors
     /// As [`crate::load`].
     pub fn open_bytes(path: &Path, bytes: &[u8]) -> Result<Self, SceneError> {
-        Ok(Self::new(gltf::open_bytes(path, bytes)?))
-    }
-
-    fn new(stage: Stage) -> Self {
-        let animation = |(name, seconds): (&str, f32)| Animation { name: name.to_owned(), seconds };
-        let animations: Vec<_> = stage.clips().map(animation).collect();
-        let framing = (0..=animations.len()).map(|_| OnceLock::new()).collect();
-        Self { stage, animations, shape: None, framing }
+        Ok(Self(match pbrt::is_named_like(path) {
+            true => Content::Pbrt(Box::new(pbrt::load_bytes(path, bytes)?)),
+            false => Content::Gltf(Box::new(GltfFile::new(gltf::open_bytes(path, bytes)?))),
+        }))
     }
 
     /// Width over height of the picture that a camera made up for want of one is to fill. Without it the camera
@@ -60,13 +70,18 @@ impl SceneFile {
     /// When `shape` is not a finite number above 0.
     pub fn set_picture_shape(&mut self, shape: f32) {
         assert!(shape > 0.0 && shape.is_finite(), "a picture cannot be {shape} times as wide as high");
-        self.shape = Some(shape);
-        self.framing.iter_mut().for_each(|camera| *camera = OnceLock::new());
+        if let Content::Gltf(file) = &mut self.0 {
+            file.shape = Some(shape);
+            file.framing.iter_mut().for_each(|camera| *camera = OnceLock::new());
+        }
     }
 
     /// The animations, in the order of the file.
     pub fn animations(&self) -> &[Animation] {
-        &self.animations
+        match &self.0 {
+            Content::Gltf(file) => &file.animations,
+            Content::Pbrt(_) => &[],
+        }
     }
 
     /// The scene in the pose in which it is stored.
@@ -74,8 +89,12 @@ impl SceneFile {
     /// # Errors
     /// Where the scene contradicts itself, or needs too much memory.
     pub fn still(&self) -> Result<Loaded, SceneError> {
-        let mut loaded = gltf::shoot(&self.stage, Moment::Rest, || self.frame(None))?;
-        if !self.animations.is_empty() {
+        let file = match &self.0 {
+            Content::Gltf(file) => file,
+            Content::Pbrt(loaded) => return Ok(Loaded::clone(loaded)),
+        };
+        let mut loaded = gltf::shoot(&file.stage, Moment::Rest, || file.frame(None))?;
+        if !file.animations.is_empty() {
             let message = "the pose stored in the file is drawn, not a moment of its animations";
             loaded.warnings.push(Warning { place: "animations".to_owned(), message: message.to_owned() });
         }
@@ -94,10 +113,20 @@ impl SceneFile {
     /// # Panics
     /// When `animation` is not below the number of [`Self::animations`].
     pub fn animated(&self, animation: usize, shutter: [f32; 2]) -> Result<Loaded, SceneError> {
-        let count = self.animations.len();
+        let count = self.animations().len();
+        let Content::Gltf(file) = &self.0 else { panic!("animation {animation} of {count}") };
         assert!(animation < count, "animation {animation} of {count}");
         let moment = Moment::Clip { clip: animation, shutter };
-        gltf::shoot(&self.stage, moment, || self.frame(Some(animation)))
+        gltf::shoot(&file.stage, moment, || file.frame(Some(animation)))
+    }
+}
+
+impl GltfFile {
+    fn new(stage: Stage) -> Self {
+        let animation = |(name, seconds): (&str, f32)| Animation { name: name.to_owned(), seconds };
+        let animations: Vec<_> = stage.clips().map(animation).collect();
+        let framing = (0..=animations.len()).map(|_| OnceLock::new()).collect();
+        Self { stage, animations, shape: None, framing }
     }
 
     fn frame(&self, clip: Option<usize>) -> Result<Camera, SceneError> {

@@ -36,7 +36,7 @@ impl Shape {
 }
 
 /// The media on the two sides of a surface; `None` is vacuum.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct MediumInterface {
     /// Behind the surface, where its geometric normal does not point.
     pub inside: Option<MediumId>,

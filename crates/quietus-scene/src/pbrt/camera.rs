@@ -1,0 +1,176 @@
+//! The camera, and when its shutter is open.
+
+use glam::{DAffine3, DMat3, DVec3};
+use quietus_trace::desc::{Camera, FrameAxis, MediumId, Projection};
+
+use super::draft::Entity;
+use super::fault::{Context, Fault, Result, unknown};
+use super::params::Params;
+use super::transform::{Moving, Parts, single, uniform_scale};
+
+/// Every type of camera.
+const KINDS: [&str; 4] = ["orthographic", "perspective", "realistic", "spherical"];
+
+/// When the shutter opens and closes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Shutter {
+    pub open: f32,
+    pub close: f32,
+}
+
+impl Shutter {
+    /// Of the camera of the scene.
+    pub(super) fn of(camera: Option<&Entity>) -> Result<Self> {
+        let Some(Entity { params, .. }) = camera else { return Ok(Self { open: 0.0, close: 1.0 }) };
+        let (open, close) = (params.float("shutteropen", 0.0)?, params.float("shutterclose", 1.0)?);
+        if close > open {
+            return Ok(Self { open, close });
+        }
+        let message = format!("the shutter opens at {open} and closes at {close}, expected a later time");
+        Err(Fault::invalid(params.place_of("shutterclose"), message))
+    }
+}
+
+/// pbrt's own camera, for scenes without one.
+pub(super) fn default(size: [u32; 2]) -> Camera {
+    let to_world = single(DAffine3::from_scale(DVec3::new(1.0, 1.0, -1.0)));
+    let projection = Projection::Perspective { fov: 90_f32.to_radians(), axis: FrameAxis::Shorter };
+    let aspect = Some(size[0] as f32 / size[1] as f32);
+    Camera { projection, aspect, ..Camera::perspective("camera", to_world, 1.0) }
+}
+
+/// Reads a camera; `size` is that of the picture.
+pub(super) fn read(
+    entity: &Entity,
+    to_world: Moving,
+    medium: Option<MediumId>,
+    size: [u32; 2],
+    context: &Context,
+) -> Result<Camera> {
+    let params = &entity.params;
+    let aspect = size[0] as f32 / size[1] as f32;
+    let scale = camera_scale(params, to_world, context);
+    let mut turned = upright(to_world);
+    let projection = match &*entity.kind {
+        "perspective" => perspective(params, aspect, context)?,
+        "orthographic" => orthographic(params, aspect, scale, context)?,
+        "spherical" => {
+            let mapping = params.choice("mapping", &["equalarea", "equirectangular"])?;
+            if mapping == "equalarea" {
+                let message =
+                    "spherical cameras with mapping \"equalarea\" are drawn with \"equirectangular\"";
+                context.warn(params.place, message);
+            }
+            // The middle of the picture looks along -x of the camera's space.
+            let axes = DMat3::from_cols(DVec3::NEG_Z, DVec3::Y, DVec3::NEG_X);
+            turned = turned.after(Moving::still(DAffine3::from_mat3(axes)));
+            params.ignore(&["frameaspectratio", "screenwindow"]);
+            Projection::Spherical
+        }
+        "realistic" => realistic(params, context)?,
+        kind => return Err(Fault::invalid(params.place, unknown("camera", kind, &KINDS))),
+    };
+    let lens_radius = params.float_where("lensradius", 0.0, |radius| radius >= 0.0, "at least 0")? * scale;
+    let focus = params.float_where("focaldistance", 1e6, |distance| distance > 0.0, "above 0")? * scale;
+    Shutter::of(Some(entity))?;
+    params.finish()?;
+    // pbrt's cameras look along +z, ours along -z.
+    let [start, end] =
+        turned.after(Moving::still(DAffine3::from_scale(DVec3::new(1.0, 1.0, -1.0)))).0.map(single);
+    Ok(Camera {
+        name: "camera".to_owned(),
+        to_world: start,
+        end_to_world: (!turned.is_still()).then_some(end),
+        projection,
+        aspect: Some(aspect),
+        lens_radius,
+        focus_distance: focus,
+        medium,
+    })
+}
+
+/// How much longer lengths of the camera's space are in the world.
+fn camera_scale(params: &Params, to_world: Moving, context: &Context) -> f32 {
+    let scales = to_world.0.map(|transform| uniform_scale(&transform));
+    match scales {
+        [Some(scale), Some(_)] => scale as f32,
+        _ => {
+            context.warn(params.place, "a camera that is stretched is only turned");
+            1.0
+        }
+    }
+}
+
+/// The transforms without their scale, but with their mirrors.
+fn upright(to_world: Moving) -> Moving {
+    Moving(to_world.0.map(|transform| {
+        let axes = match uniform_scale(&transform) {
+            Some(scale) => transform.matrix3 * (1.0 / scale),
+            None => {
+                let parts = Parts::of(transform);
+                let mirror = if parts.scale.determinant() < 0.0 { -1.0 } else { 1.0 };
+                DMat3::from_quat(parts.rotation) * DMat3::from_diagonal(DVec3::new(mirror, 1.0, 1.0))
+            }
+        };
+        DAffine3::from_mat3_translation(axes, transform.translation)
+    }))
+}
+
+/// Half the extent of the screen along an axis, where the field of view spans 1 on the shorter one.
+fn screen(params: &Params, aspect: f32, context: &Context) -> Result<(f32, FrameAxis)> {
+    let frame = params.float_option("frameaspectratio")?;
+    let window = params.floats("screenwindow")?;
+    let stretched = |wide: f32| (wide / aspect - 1.0).abs() > 1e-3;
+    let message = "pixels that are not square are not drawn; the height of the picture counts";
+    match (window, frame) {
+        (&[x0, x1, y0, y1], _) => {
+            if x0 >= x1 || y0 >= y1 {
+                let message = "\"screenwindow\" is empty, expected x0 < x1 and y0 < y1";
+                return Err(Fault::invalid(params.place_of("screenwindow"), message));
+            }
+            if (x0 + x1).abs() > 1e-3 * (x1 - x0) || (y0 + y1).abs() > 1e-3 * (y1 - y0) {
+                let message = "a \"screenwindow\" that is off the middle is drawn in the middle";
+                context.warn(params.place_of("screenwindow"), message);
+            }
+            if stretched((x1 - x0) / (y1 - y0)) {
+                context.warn(params.place_of("screenwindow"), message);
+            }
+            Ok((0.5 * (y1 - y0), FrameAxis::Vertical))
+        }
+        ([], Some(frame)) if frame > 0.0 => {
+            if stretched(frame) {
+                context.warn(params.place_of("frameaspectratio"), message);
+            }
+            Ok((if frame >= 1.0 { 1.0 } else { 1.0 / frame }, FrameAxis::Vertical))
+        }
+        ([], None) => Ok((1.0, FrameAxis::Shorter)),
+        ([], Some(_)) => {
+            let message = "\"frameaspectratio\" is not above 0";
+            Err(Fault::invalid(params.place_of("frameaspectratio"), message))
+        }
+        _ => {
+            let message = format!("\"screenwindow\" has {} values, expected x0, x1, y0, y1", window.len());
+            Err(Fault::invalid(params.place_of("screenwindow"), message))
+        }
+    }
+}
+
+fn perspective(params: &Params, aspect: f32, context: &Context) -> Result<Projection> {
+    let expected = "an angle between 0 and 180";
+    let degrees = params.float_where("fov", 90.0, |fov| fov > 0.0 && fov < 180.0, expected)?;
+    let (extent, axis) = screen(params, aspect, context)?;
+    let fov = 2.0 * (extent * (0.5 * degrees.to_radians()).tan()).atan();
+    Ok(Projection::Perspective { fov, axis })
+}
+
+fn orthographic(params: &Params, aspect: f32, scale: f32, context: &Context) -> Result<Projection> {
+    let (extent, axis) = screen(params, aspect, context)?;
+    Ok(Projection::Orthographic { extent: 2.0 * extent * scale, axis })
+}
+
+/// Stands in for lenses of glass: a camera of about the usual angle.
+fn realistic(params: &Params, context: &Context) -> Result<Projection> {
+    context.warn(params.place, "realistic cameras are not drawn; a pinhole camera of 40 degrees stands in");
+    params.ignore(&["aperture", "aperturediameter", "focusdistance", "lensfile"]);
+    Ok(Projection::Perspective { fov: 40_f32.to_radians(), axis: FrameAxis::Shorter })
+}

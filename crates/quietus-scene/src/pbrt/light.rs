@@ -1,0 +1,295 @@
+//! Lights: with a surface, without, and from infinitely far away.
+//!
+//! pbrt-v4 gives lights the luminance 1 for `scale` 1, unless their colour is an `rgb`, which counts as it is; see
+//! [`Spectrum::light`](super::spectrum::Spectrum::light). `power` and `illuminance` replace that strength.
+
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
+use quietus_trace::desc::{Environment, EnvironmentLayout, Image, Light, SceneDesc, SpotFalloff, Texels};
+
+use super::draft::{AreaLight, Entity};
+use super::fault::{Context, Fault, Place, Result, unknown};
+use super::images::{ImageId, Images, Requests, Use, linear};
+use super::params::{Kind, Params};
+use super::transform::{Moving, Parts, uniform_scale};
+
+/// Every type of light without a surface.
+const KINDS: [&str; 6] = ["distant", "goniometric", "infinite", "point", "projection", "spot"];
+
+/// Luminance of linear Rec.709.
+const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
+
+/// Reads an area light.
+pub(super) fn area(entity: &Entity, context: &Context, images: &mut Requests) -> Result<AreaLight> {
+    let params = &entity.params;
+    if &*entity.kind != "diffuse" {
+        return Err(Fault::invalid(params.place, unknown("area light", &entity.kind, &["diffuse"])));
+    }
+    let image = image(params, context, images)?;
+    let radiance = params.light("L", context)? * scale(params)?;
+    let power = positive(params, "power")?;
+    let two_sided = params.boolean("twosided", false)?;
+    params.finish()?;
+    Ok(AreaLight { radiance, power, two_sided, image, place: params.place })
+}
+
+/// A light's picture. It takes the place of the colour.
+fn image(params: &Params, context: &Context, images: &mut Requests) -> Result<Option<ImageId>> {
+    let Some(name) = params.string("filename")? else { return Ok(None) };
+    let place = params.place_of("filename");
+    if params.has("L") {
+        let message = format!("{} has both \"filename\" and \"L\", expected one of them", params.owner);
+        return Err(Fault::invalid(place, message));
+    }
+    let path = context.resolve(name);
+    Ok(Some(images.ask(path, Use::COLOR, &context.full_words(place))))
+}
+
+fn scale(params: &Params) -> Result<f32> {
+    params.float_where("scale", 1.0, |scale| scale >= 0.0, "at least 0")
+}
+
+/// A number that only counts above 0.
+fn positive(params: &Params, name: &'static str) -> Result<Option<f32>> {
+    Ok(params.float_option(name)?.filter(|value| *value > 0.0))
+}
+
+/// Lights that only shine once their pictures are there.
+#[derive(Debug, Default)]
+pub(super) struct Lights {
+    pub lights: Vec<Light>,
+    skies: Vec<Sky>,
+}
+
+/// A light from infinitely far away.
+#[derive(Debug)]
+struct Sky {
+    image: Option<ImageId>,
+    scale: Vec3,
+    /// What an upward-facing surface is to receive.
+    illuminance: Option<f32>,
+    /// From the light's space.
+    to_world: DMat3,
+    place: Place,
+}
+
+impl Lights {
+    /// Reads the lights of `entities`.
+    pub(super) fn new(
+        entities: &[(Entity, Moving)],
+        context: &Context,
+        images: &mut Requests,
+    ) -> Result<Self> {
+        let mut lights = Self::default();
+        for (entity, to_world) in entities {
+            let params = &entity.params;
+            if !to_world.is_still() {
+                context
+                    .warn(params.place, "lights without a surface do not move: they stay where they start");
+            }
+            let to_world = to_world.0[0];
+            match &*entity.kind {
+                "infinite" => lights.skies.push(infinite(params, to_world, context, images)?),
+                "distant" => lights.lights.push(distant(params, to_world, context)?),
+                "point" => lights.lights.push(point(params, to_world, context)?),
+                "spot" => lights.lights.push(spot(params, to_world, context)?),
+                "goniometric" => lights.lights.push(goniometric(params, to_world, context)?),
+                "projection" => lights.lights.push(projection(params, to_world, context)?),
+                kind => return Err(Fault::invalid(params.place, unknown("light", kind, &KINDS))),
+            }
+            params.finish()?;
+        }
+        Ok(lights)
+    }
+
+    /// Puts the lights into `scene`. Several skies become one.
+    pub(super) fn finish(self, images: &Images, context: &Context, scene: &mut SceneDesc) -> Result<()> {
+        scene.lights = self.lights;
+        let (with_image, plain): (Vec<_>, Vec<_>) = self.skies.iter().partition(|sky| sky.image.is_some());
+        let constant: Vec3 = plain.iter().map(|sky| sky.plain()).sum();
+        if let Some(second) = with_image.get(1) {
+            context.warn(second.place, "only one picture can surround the scene: the first one does");
+        }
+        scene.environment = match with_image.first() {
+            Some(sky) => Some(sky.surrounding(images, constant)?),
+            None if plain.is_empty() => None,
+            None => Some(Environment {
+                image: None,
+                layout: EnvironmentLayout::LatLong,
+                scale: constant,
+                to_world: Mat3::IDENTITY,
+            }),
+        };
+        Ok(())
+    }
+}
+
+impl Sky {
+    /// Radiance without a picture.
+    fn plain(&self) -> Vec3 {
+        // A surface under an even sky of radiance L receives pi L.
+        self.illuminance.map_or(self.scale, |illuminance| self.scale * illuminance / PI)
+    }
+
+    /// The environment with its picture, and `constant` added everywhere.
+    fn surrounding(&self, images: &Images, constant: Vec3) -> Result<Environment> {
+        let image = images.get(self.image.unwrap_or_else(|| unreachable!("only called with a picture")));
+        let layout = layout(image).map_err(|message| Fault::invalid(self.place, message))?;
+        let mut scale = self.scale;
+        if let Some(wanted) = self.illuminance {
+            let found = illuminance(image, layout);
+            if found > 0.0 {
+                scale *= wanted / found;
+            }
+        }
+        let image =
+            if constant == Vec3::ZERO { Arc::clone(image) } else { brightened(image, constant / scale) };
+        let to_world = match layout {
+            EnvironmentLayout::EqualArea => self.to_world,
+            // In the light's space z is up, and the middle of the picture looks along -x.
+            EnvironmentLayout::LatLong => self.to_world * DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::X),
+        };
+        Ok(Environment { image: Some(image), layout, scale, to_world: to_world.as_mat3() })
+    }
+}
+
+/// pbrt's own square maps; pictures twice as wide as high are of the usual kind with latitude and longitude.
+fn layout(image: &Image) -> std::result::Result<EnvironmentLayout, String> {
+    match (image.width, image.height) {
+        (width, height) if width == height => Ok(EnvironmentLayout::EqualArea),
+        (width, height) if width == 2 * height => Ok(EnvironmentLayout::LatLong),
+        (width, height) => Err(format!(
+            "the picture of the infinite light is {width} x {height}, expected a square (equal-area) or twice as \
+             wide as high (latitude and longitude)"
+        )),
+    }
+}
+
+fn brightened(image: &Image, constant: Vec3) -> Arc<Image> {
+    let add = |[r, g, b, a]: [f32; 4]| [r + constant.x, g + constant.y, b + constant.z, a];
+    let texels = linear(image.texels.clone()).into_iter().map(add).collect();
+    Arc::new(Image { texels: Texels::Float(texels), ..image.clone() })
+}
+
+/// Illuminance of an upward-facing (+z in the light's space) surface.
+fn illuminance(image: &Image, layout: EnvironmentLayout) -> f32 {
+    let (width, height) = (image.width as usize, image.height as usize);
+    let texels = linear(image.texels.clone());
+    let mut sum = 0.0;
+    for (i, [r, g, b, _]) in texels.into_iter().enumerate() {
+        let (u, v) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+        // Cosine to +z and solid angle of the texel.
+        let (cosine, solid_angle) = match layout {
+            EnvironmentLayout::LatLong => {
+                let theta = std::f64::consts::PI * v / height as f64;
+                let cell = 2.0 * std::f64::consts::PI.powi(2) / (width * height) as f64;
+                (theta.cos(), theta.sin() * cell)
+            }
+            EnvironmentLayout::EqualArea => {
+                // Clarberg 2008: the height is a function of the distance from the middle in the maximum metric's
+                // rotated square.
+                let (x, y) = (2.0 * u / width as f64 - 1.0, 2.0 * v / height as f64 - 1.0);
+                let d = 1.0 - (x.abs() + y.abs());
+                let r = 1.0 - d.abs();
+                ((1.0 - r * r).copysign(d), 4.0 * std::f64::consts::PI / (width * height) as f64)
+            }
+        };
+        if cosine > 0.0 {
+            sum += f64::from(LUMINANCE.dot(Vec3::new(r, g, b))) * cosine * solid_angle;
+        }
+    }
+    sum as f32
+}
+
+fn infinite(params: &Params, to_world: DAffine3, context: &Context, images: &mut Requests) -> Result<Sky> {
+    if params.has("portal") {
+        context.warn(params.place_of("portal"), "portals of infinite lights are not needed and not used");
+        params.ignore(&["portal"]);
+    }
+    if uniform_scale(&to_world).is_none() {
+        context.warn(params.place, "an infinite light that is stretched is only turned");
+    }
+    let parts = Parts::of(to_world);
+    // What is left of a scale that may mirror.
+    let mirror = if parts.scale.determinant() < 0.0 { -1.0 } else { 1.0 };
+    let to_world = match uniform_scale(&to_world) {
+        Some(scale) => to_world.matrix3 * (1.0 / scale),
+        None => DMat3::from_quat(parts.rotation) * DMat3::from_diagonal(DVec3::splat(mirror)),
+    };
+    Ok(Sky {
+        image: image(params, context, images)?,
+        scale: params.light("L", context)? * scale(params)?,
+        illuminance: positive(params, "illuminance")?,
+        to_world,
+        place: params.place,
+    })
+}
+
+/// `from` and the direction to `to`, in the world.
+fn aim(params: &Params, to_world: DAffine3) -> Result<(Vec3, Vec3)> {
+    let from = params.vec3("from", Kind::Point3, Vec3::ZERO)?.as_dvec3();
+    let to = params.vec3("to", Kind::Point3, Vec3::Z)?.as_dvec3();
+    let direction = to_world.transform_vector3(to - from).try_normalize();
+    let direction = direction.ok_or_else(|| {
+        Fault::invalid(params.place_of("to"), format!("\"from\" and \"to\" of {} are the same", params.owner))
+    })?;
+    Ok((to_world.transform_point3(from).as_vec3(), direction.as_vec3()))
+}
+
+fn distant(params: &Params, to_world: DAffine3, context: &Context) -> Result<Light> {
+    let (_, direction) = aim(params, to_world)?;
+    let strength = params.light("L", context)? * scale(params)?;
+    let irradiance = strength * positive(params, "illuminance")?.unwrap_or(1.0);
+    Ok(Light::Directional { direction, irradiance })
+}
+
+/// Intensity; `solid_angle` is what one unit of intensity gives in power.
+fn intensity(params: &Params, solid_angle: f32, context: &Context) -> Result<Vec3> {
+    let strength = params.light("I", context)? * scale(params)?;
+    Ok(match positive(params, "power")? {
+        Some(power) => strength * power / solid_angle,
+        None => strength,
+    })
+}
+
+fn point(params: &Params, to_world: DAffine3, context: &Context) -> Result<Light> {
+    let from = params.vec3("from", Kind::Point3, Vec3::ZERO)?.as_dvec3();
+    let position = to_world.transform_point3(from).as_vec3();
+    Ok(Light::Point { position, intensity: intensity(params, 4.0 * PI, context)? })
+}
+
+fn spot(params: &Params, to_world: DAffine3, context: &Context) -> Result<Light> {
+    let (position, direction) = aim(params, to_world)?;
+    let angle = params.float_where("coneangle", 30.0, |a| a > 0.0 && a <= 180.0, "an angle up to 180")?;
+    let delta = params.float_where("conedelta", 5.0, |d| d >= 0.0, "at least 0")?;
+    let (outer_angle, inner_angle) = (angle.to_radians(), (angle - delta).max(0.0).to_radians());
+    let (end, start) = (outer_angle.cos(), inner_angle.cos());
+    let solid_angle = 2.0 * PI * ((1.0 - start) + (start - end) / 2.0);
+    let intensity = intensity(params, solid_angle, context)?;
+    let falloff = SpotFalloff::Smooth;
+    Ok(Light::Spot { position, direction, intensity, inner_angle, outer_angle, falloff })
+}
+
+/// Stands in for a light with a diagram of its intensities: a point light.
+fn goniometric(params: &Params, to_world: DAffine3, context: &Context) -> Result<Light> {
+    context.warn(params.place, "goniometric lights are not drawn; a point light stands in");
+    params.ignore(&["filename"]);
+    let position = to_world.translation.as_vec3();
+    Ok(Light::Point { position, intensity: intensity(params, 4.0 * PI, context)? })
+}
+
+/// Stands in for a projector: a spot light about as wide.
+fn projection(params: &Params, to_world: DAffine3, context: &Context) -> Result<Light> {
+    context.warn(params.place, "projection lights are not drawn; a spot light stands in");
+    params.ignore(&["filename"]);
+    let fov =
+        params.float_where("fov", 90.0, |fov| fov > 0.0 && fov < 180.0, "an angle between 0 and 180")?;
+    let outer_angle = 0.5 * fov.to_radians();
+    let solid_angle = 2.0 * PI * (1.0 - outer_angle.cos());
+    let direction = to_world.transform_vector3(DVec3::Z).normalize().as_vec3();
+    let intensity = intensity(params, solid_angle, context)?;
+    let (position, falloff) = (to_world.translation.as_vec3(), SpotFalloff::Smooth);
+    Ok(Light::Spot { position, direction, intensity, inner_angle: outer_angle, outer_angle, falloff })
+}

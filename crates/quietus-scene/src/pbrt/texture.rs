@@ -1,0 +1,462 @@
+//! Textures, and parameters that may be driven by them.
+//!
+//! Every texture of numbers holds the same number in red, green and blue, so that it can stand where a colour does.
+
+use std::cell::Cell;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use glam::{Affine2, Affine3A, DAffine3, DVec3, Vec2, Vec3};
+use quietus_trace::desc::{
+    ColorParam, Image, ImageTexture, Mapping, ScalarParam, TexelFilter, Texels, Texture, TextureId, Wrap,
+};
+
+use super::draft::TextureEntity;
+use super::fault::{Context, Fault, Place, Result, unknown};
+use super::images::{ImageId, Images, Requests, Use};
+use super::params::{Kind, Param, Params, Values};
+use super::spectrum::{self, Spectrum};
+use super::transform::single;
+use crate::image::Encoding;
+
+/// Every type of texture.
+const KINDS: [&str; 13] = [
+    "bilerp",
+    "checkerboard",
+    "constant",
+    "directionmix",
+    "dots",
+    "fbm",
+    "imagemap",
+    "marble",
+    "mix",
+    "ptex",
+    "scale",
+    "windy",
+    "wrinkled",
+];
+
+/// The textures of a scene, under their names.
+#[derive(Debug)]
+pub(super) struct Textures<'c> {
+    context: &'c Context,
+    /// As the scene gets them, their pictures still missing.
+    pub list: Vec<Texture>,
+    pub images: Requests,
+    /// Which textures wait for which pictures.
+    waiting: Vec<(TextureId, ImageId)>,
+    numbers: HashMap<Box<str>, ScalarParam>,
+    colors: HashMap<Box<str>, ColorParam>,
+    missing: Arc<Image>,
+    /// Textures of pictures that lie over whole surfaces.
+    plain: HashMap<ImageId, TextureId>,
+    uses: Cell<u32>,
+}
+
+impl<'c> Textures<'c> {
+    /// Makes the textures of `entities`, which may use those before them.
+    pub(super) fn new(context: &'c Context, images: Requests, entities: &[TextureEntity]) -> Result<Self> {
+        let missing =
+            Image { name: String::new(), width: 1, height: 1, texels: Texels::Float(vec![[0.0; 4]]) };
+        let mut textures = Self {
+            context,
+            list: Vec::new(),
+            images,
+            waiting: Vec::new(),
+            numbers: HashMap::new(),
+            colors: HashMap::new(),
+            missing: Arc::new(missing),
+            plain: HashMap::new(),
+            uses: Cell::new(0),
+        };
+        for texture in entities {
+            if texture.color {
+                let color = textures.make_color(texture)?;
+                textures.colors.insert(texture.name.clone(), color);
+            } else {
+                let number = textures.make_number(texture)?;
+                textures.numbers.insert(texture.name.clone(), number);
+            }
+            texture.entity.params.finish()?;
+        }
+        Ok(textures)
+    }
+
+    /// Puts the pictures in their places.
+    pub(super) fn finish(mut self, images: &Images) -> Vec<Texture> {
+        for (texture, image) in self.waiting {
+            if let Texture::Image(texture) = &mut self.list[texture.0 as usize] {
+                texture.image = Arc::clone(images.get(image));
+            }
+        }
+        self.list
+    }
+
+    fn push(&mut self, texture: Texture) -> TextureId {
+        self.list.push(texture);
+        TextureId(self.list.len() as u32 - 1)
+    }
+
+    /// How often textures have been asked for by their names.
+    pub(super) fn uses(&self) -> u32 {
+        self.uses.get()
+    }
+
+    /// Counts a use, as if a texture had been asked for.
+    pub(super) fn count_use(&self) {
+        self.uses.set(self.uses.get() + 1);
+    }
+
+    fn push_image(&mut self, image: ImageId, texture: ImageTexture) -> TextureId {
+        let id = self.push(Texture::Image(texture));
+        self.waiting.push((id, image));
+        id
+    }
+
+    /// A picture over the whole surface, v growing upwards.
+    pub(super) fn plain_image(&mut self, image: ImageId) -> TextureId {
+        if let Some(&known) = self.plain.get(&image) {
+            return known;
+        }
+        let texture = ImageTexture {
+            image: Arc::clone(&self.missing),
+            wrap: [Wrap::Repeat; 2],
+            filter: TexelFilter::Linear,
+            mapping: Mapping::Uv { set: 0, transform: upwards(Affine2::IDENTITY) },
+            invert: false,
+        };
+        let id = self.push_image(image, texture);
+        self.plain.insert(image, id);
+        id
+    }
+
+    /// A number or a texture of numbers.
+    pub(super) fn number(&self, params: &Params, name: &'static str, default: f32) -> Result<ScalarParam> {
+        Ok(self.number_option(params, name)?.unwrap_or(ScalarParam::constant(default)))
+    }
+
+    /// A number or a texture of numbers, if it is given.
+    pub(super) fn number_option(&self, params: &Params, name: &'static str) -> Result<Option<ScalarParam>> {
+        match params.find(name, &[Kind::Float, Kind::Texture])? {
+            None => Ok(None),
+            Some(param) if param.kind == Kind::Texture => {
+                let texture = texture_name(param)?;
+                self.number_texture(texture, param.place).map(Some)
+            }
+            Some(_) => Ok(params.float_option(name)?.map(ScalarParam::constant)),
+        }
+    }
+
+    /// The texture of numbers called `name`.
+    pub(super) fn number_texture(&self, name: &str, place: Place) -> Result<ScalarParam> {
+        self.count_use();
+        self.numbers.get(name).copied().ok_or_else(|| {
+            let known: Vec<&str> = self.numbers.keys().map(|name| &**name).collect();
+            let other =
+                self.colors.contains_key(name).then_some("float texture (there is a spectrum texture)");
+            Fault::invalid(place, unknown(other.unwrap_or("float texture"), name, &known))
+        })
+    }
+
+    /// A colour or a texture of colours; `most` is the largest component that a colour may have.
+    pub(super) fn color(
+        &self,
+        params: &Params,
+        name: &'static str,
+        default: Vec3,
+        most: f32,
+    ) -> Result<ColorParam> {
+        Ok(self.color_option(params, name, most)?.unwrap_or(ColorParam::constant(default)))
+    }
+
+    /// A colour or a texture of colours, if it is given.
+    pub(super) fn color_option(
+        &self,
+        params: &Params,
+        name: &'static str,
+        most: f32,
+    ) -> Result<Option<ColorParam>> {
+        let [rgb, spectrum, blackbody] = spectrum::KINDS;
+        let Some(param) = params.find(name, &[rgb, spectrum, blackbody, Kind::Texture])? else {
+            return Ok(None);
+        };
+        if param.kind == Kind::Texture {
+            return self.color_texture(texture_name(param)?, param.place).map(Some);
+        }
+        let spectrum = Spectrum::read(param, self.context)?;
+        if let Spectrum::Rgb(_, rgb) = spectrum
+            && rgb.max_element() > most
+        {
+            let message = format!("\"rgb {name}\" has a component above {most}");
+            return Err(Fault::invalid(param.place, message));
+        }
+        Ok(Some(ColorParam::constant(spectrum.factor().min(Vec3::splat(most)))))
+    }
+
+    fn color_texture(&self, name: &str, place: Place) -> Result<ColorParam> {
+        self.count_use();
+        self.colors.get(name).copied().ok_or_else(|| {
+            let known: Vec<&str> = self.colors.keys().map(|name| &**name).collect();
+            let other =
+                self.numbers.contains_key(name).then_some("spectrum texture (there is a float texture)");
+            Fault::invalid(place, unknown(other.unwrap_or("spectrum texture"), name, &known))
+        })
+    }
+
+    fn make_number(&mut self, texture: &TextureEntity) -> Result<ScalarParam> {
+        let params = &texture.entity.params;
+        match &*texture.entity.kind {
+            "constant" => Ok(ScalarParam::constant(params.float("value", 1.0)?)),
+            "scale" => {
+                let (tex, scale) = (self.number(params, "tex", 1.0)?, self.number(params, "scale", 1.0)?);
+                Ok(match (tex.texture, scale.texture) {
+                    (_, None) => ScalarParam { factor: tex.factor * scale.factor, ..tex },
+                    (None, _) => ScalarParam { factor: tex.factor * scale.factor, ..scale },
+                    _ => self.scalar(Texture::Scale { color: as_color(tex), scale }),
+                })
+            }
+            "mix" => {
+                let colors = [self.number(params, "tex1", 0.0)?, self.number(params, "tex2", 1.0)?];
+                let amount = self.number(params, "amount", 0.5)?;
+                Ok(self.scalar(Texture::Mix { colors: colors.map(as_color), amount }))
+            }
+            "checkerboard" => {
+                let colors = [self.number(params, "tex1", 1.0)?, self.number(params, "tex2", 0.0)?];
+                let mapping = board_mapping(texture)?;
+                Ok(self.scalar(Texture::Checkerboard { mapping, colors: colors.map(as_color) }))
+            }
+            "imagemap" => {
+                let (id, factor) = self.image_map(texture)?;
+                Ok(ScalarParam { factor, texture: Some((id, 0)) })
+            }
+            _ => self.stand_in(texture).map(|color| ScalarParam::constant(color.x)),
+        }
+    }
+
+    fn scalar(&mut self, texture: Texture) -> ScalarParam {
+        ScalarParam { factor: 1.0, texture: Some((self.push(texture), 0)) }
+    }
+
+    fn make_color(&mut self, texture: &TextureEntity) -> Result<ColorParam> {
+        let params = &texture.entity.params;
+        let any = f32::INFINITY;
+        match &*texture.entity.kind {
+            "constant" => self.color(params, "value", Vec3::ONE, any),
+            "scale" => {
+                let color = self.color(params, "tex", Vec3::ONE, any)?;
+                let scale = self.number(params, "scale", 1.0)?;
+                Ok(match scale.texture {
+                    None => ColorParam { factor: color.factor * scale.factor, ..color },
+                    Some(_) => self.colored(Texture::Scale { color, scale }),
+                })
+            }
+            "mix" => {
+                let colors = [
+                    self.color(params, "tex1", Vec3::ZERO, any)?,
+                    self.color(params, "tex2", Vec3::ONE, any)?,
+                ];
+                let amount = self.number(params, "amount", 0.5)?;
+                Ok(self.colored(Texture::Mix { colors, amount }))
+            }
+            "checkerboard" => {
+                let colors = [
+                    self.color(params, "tex1", Vec3::ONE, any)?,
+                    self.color(params, "tex2", Vec3::ZERO, any)?,
+                ];
+                let mapping = board_mapping(texture)?;
+                Ok(self.colored(Texture::Checkerboard { mapping, colors }))
+            }
+            "imagemap" => {
+                let (id, factor) = self.image_map(texture)?;
+                Ok(ColorParam { factor: Vec3::splat(factor), texture: Some(id) })
+            }
+            _ => self.stand_in(texture).map(ColorParam::constant),
+        }
+    }
+
+    fn colored(&mut self, texture: Texture) -> ColorParam {
+        ColorParam { factor: Vec3::ONE, texture: Some(self.push(texture)) }
+    }
+
+    /// A picture, and the factor that multiplies it.
+    fn image_map(&mut self, texture: &TextureEntity) -> Result<(TextureId, f32)> {
+        let params = &texture.entity.params;
+        let Some(name) = params.string("filename")? else {
+            return Err(Fault::invalid(params.place, "texture \"imagemap\" has no \"string filename\""));
+        };
+        let scale = params.float("scale", 1.0)?;
+        let invert = params.boolean("invert", false)?;
+        // An inverted picture with a factor is inverted beforehand, as the factor counts first.
+        let inverted = (invert && scale != 1.0).then_some(scale);
+        let encoding = encoding(params)?;
+        let path = self.context.resolve(name);
+        let wanted = Use { encoding, number: !texture.color, inverted };
+        let place = self.context.full_words(params.place_of("filename"));
+        let image = self.images.ask(path, wanted, &place);
+        params.ignore(&["maxanisotropy"]);
+        let drawn = ImageTexture {
+            image: Arc::clone(&self.missing),
+            wrap: [self.wrap(params)?; 2],
+            filter: match params.choice("filter", &["bilinear", "ewa", "point", "trilinear"])? {
+                "point" => TexelFilter::Nearest,
+                _ => TexelFilter::Linear,
+            },
+            mapping: picture_mapping(texture)?,
+            invert: invert && inverted.is_none(),
+        };
+        let factor = if inverted.is_some() { 1.0 } else { scale };
+        Ok((self.push_image(image, drawn), factor))
+    }
+
+    fn wrap(&self, params: &Params) -> Result<Wrap> {
+        Ok(match params.choice("wrap", &["repeat", "black", "clamp", "octahedralsphere"])? {
+            "black" => Wrap::Black,
+            "clamp" => Wrap::Clamp,
+            "repeat" => Wrap::Repeat,
+            other => {
+                let message = format!("wrapping \"{other}\" is not drawn; the picture repeats");
+                self.context.warn(params.place_of("wrap"), message);
+                Wrap::Repeat
+            }
+        })
+    }
+
+    /// A constant for textures that are not drawn: about what they show on average.
+    fn stand_in(&self, texture: &TextureEntity) -> Result<Vec3> {
+        let params = &texture.entity.params;
+        let kind = &*texture.entity.kind;
+        let mean = |names: &[(&'static str, f32)]| -> Result<Vec3> {
+            let mut sum = Vec3::ZERO;
+            for &(name, default) in names {
+                // What is textured itself counts by its factor.
+                sum += match texture.color {
+                    true => self.color(params, name, Vec3::splat(default), f32::INFINITY)?.factor,
+                    false => Vec3::splat(self.number(params, name, default)?.factor),
+                };
+            }
+            Ok(sum / names.len() as f32)
+        };
+        let value = match kind {
+            "bilerp" => mean(&[("v00", 0.0), ("v01", 1.0), ("v10", 0.0), ("v11", 1.0)])?,
+            "directionmix" => mean(&[("tex1", 0.0), ("tex2", 1.0)])?,
+            "dots" => mean(&[("inside", 1.0), ("outside", 0.0)])?,
+            "marble" | "ptex" | "fbm" | "windy" | "wrinkled" => Vec3::splat(0.5),
+            _ => return Err(Fault::invalid(params.place, unknown("texture", kind, &KINDS))),
+        };
+        let message = format!("texture \"{kind}\" is not drawn; its mean colour stands in");
+        self.context.warn(params.place, message);
+        params.ignore(&[
+            "dir",
+            "encoding",
+            "filename",
+            "mapping",
+            "octaves",
+            "roughness",
+            "scale",
+            "udelta",
+            "uscale",
+            "v1",
+            "v2",
+            "variation",
+            "vdelta",
+            "vscale",
+        ]);
+        Ok(value)
+    }
+}
+
+/// The name that a parameter of type texture gives.
+fn texture_name(param: &Param) -> Result<&str> {
+    match &param.values {
+        Values::Strings(names) if names.len() == 1 => Ok(&names[0]),
+        _ => Err(Fault::invalid(param.place, format!("\"texture {}\" expects 1 name", param.name))),
+    }
+}
+
+/// A number as a grey.
+fn as_color(number: ScalarParam) -> ColorParam {
+    ColorParam { factor: Vec3::splat(number.factor), texture: number.texture.map(|(texture, _)| texture) }
+}
+
+fn encoding(params: &Params) -> Result<Encoding> {
+    let Some(text) = params.string("encoding")? else { return Ok(Encoding::Srgb) };
+    let gamma = text.strip_prefix("gamma").and_then(|rest| rest.trim().parse().ok());
+    match (text, gamma) {
+        ("sRGB", _) => Ok(Encoding::Srgb),
+        ("linear", _) => Ok(Encoding::Linear),
+        (_, Some(gamma)) if gamma > 0.0 && f32::is_finite(gamma) => Ok(Encoding::Gamma(gamma)),
+        _ => {
+            let message = unknown("encoding", text, &["sRGB", "linear", "gamma 2.2"]);
+            Err(Fault::invalid(params.place_of("encoding"), message))
+        }
+    }
+}
+
+/// From coordinates that grow upwards to those of pictures, whose rows go downwards.
+fn upwards(transform: Affine2) -> Affine2 {
+    Affine2::from_scale_angle_translation(Vec2::new(1.0, -1.0), 0.0, Vec2::Y) * transform
+}
+
+/// From the world to the space in which the texture was defined.
+fn from_world(texture: &TextureEntity) -> DAffine3 {
+    texture.to_world.0[0].inverse()
+}
+
+fn uv_transform(params: &Params) -> Result<Affine2> {
+    let scale = Vec2::new(params.float("uscale", 1.0)?, params.float("vscale", 1.0)?);
+    let offset = Vec2::new(params.float("udelta", 0.0)?, params.float("vdelta", 0.0)?);
+    Ok(Affine2::from_scale_angle_translation(scale, 0.0, offset))
+}
+
+/// Where the squares of a checkerboard lie.
+fn board_mapping(texture: &TextureEntity) -> Result<Mapping> {
+    let params = &texture.entity.params;
+    match params.integer_option("dimension")?.unwrap_or(2) {
+        2 => mapping(texture),
+        3 => Ok(Mapping::Solid { from_world: single(from_world(texture)) }),
+        other => {
+            let message = format!("\"dimension\" of a checkerboard is {other}, expected 2 or 3");
+            Err(Fault::invalid(params.place_of("dimension"), message))
+        }
+    }
+}
+
+fn mapping(texture: &TextureEntity) -> Result<Mapping> {
+    let params = &texture.entity.params;
+    let from_world = from_world(texture);
+    Ok(match params.choice("mapping", &["uv", "spherical", "cylindrical", "planar"])? {
+        "uv" => Mapping::Uv { set: 0, transform: uv_transform(params)? },
+        "spherical" => Mapping::Spherical { from_world: single(from_world) },
+        // pbrt-v4 counts the angle from -x here.
+        "cylindrical" => {
+            let turned = DAffine3::from_scale(DVec3::new(-1.0, -1.0, 1.0)) * from_world;
+            Mapping::Cylindrical { from_world: single(turned) }
+        }
+        _ => Mapping::Planar {
+            from_world: single(from_world),
+            axes: [params.vec3("v1", Kind::Vector3, Vec3::X)?, params.vec3("v2", Kind::Vector3, Vec3::Y)?],
+            offset: Vec2::new(params.float("udelta", 0.0)?, params.float("vdelta", 0.0)?),
+        },
+    })
+}
+
+/// Where texels lie: as [`mapping`], with the second coordinate going downwards.
+fn picture_mapping(texture: &TextureEntity) -> Result<Mapping> {
+    let then = |first: Affine3A, scale: Vec3, offset: Vec3| {
+        Affine3A::from_scale_rotation_translation(scale, glam::Quat::IDENTITY, offset) * first
+    };
+    Ok(match mapping(texture)? {
+        Mapping::Uv { set, transform } => Mapping::Uv { set, transform: upwards(transform) },
+        Mapping::Planar { from_world, axes: [u, v], offset } => {
+            Mapping::Planar { from_world, axes: [u, -v], offset: Vec2::new(offset.x, 1.0 - offset.y) }
+        }
+        // A mirrored angle goes the other way round.
+        Mapping::Spherical { from_world } => {
+            Mapping::Spherical { from_world: then(from_world, Vec3::new(1.0, -1.0, 1.0), Vec3::ZERO) }
+        }
+        Mapping::Cylindrical { from_world } => {
+            Mapping::Cylindrical { from_world: then(from_world, Vec3::new(1.0, 1.0, -1.0), Vec3::Z) }
+        }
+        solid @ Mapping::Solid { .. } => solid,
+    })
+}

@@ -48,7 +48,7 @@ fn curves_patches_and_quadrics_are_hit_as_by_brute_force() {
     let mut shapes = random.quadrics();
     for material in [OPAQUE, FILTERED] {
         for kind in [CurveKind::Flat, CurveKind::Cylinder, CurveKind::Ribbon] {
-            shapes.push(random.curves(40, 1.0, kind, material));
+            shapes.push(random.curves(20, 1.0, kind, material));
         }
         shapes.push(random.patches(30, 0.2, material));
     }
@@ -56,10 +56,10 @@ fn curves_patches_and_quadrics_are_hit_as_by_brute_force() {
     let objects = [object(shapes)];
     let instances = [instance(0, Affine3A::IDENTITY)];
     let accel = build(&objects, &instances);
-    assert!(accel.store.singles.curves.len() > 160 && !accel.store.singles.ribbons.is_empty());
+    assert!(accel.store.singles.curves.len() > 80 && !accel.store.singles.ribbons.is_empty());
     let filter = |hit: &Hit| !hit.primitive.is_multiple_of(3);
     let mut hits = vec![0; objects[0].shapes.len()];
-    for _ in 0..20_000 {
+    for _ in 0..5000 {
         let ray = random.ray();
         let hit = trace(&accel, &ray, filter);
         let expected = brute_force(&objects, &instances, &ray, filter);
@@ -74,7 +74,7 @@ fn curves_patches_and_quadrics_are_hit_as_by_brute_force() {
             hits[hit.shape as usize] += 1;
         }
     }
-    assert!(hits.iter().all(|&n| n > 20), "{hits:?}");
+    assert!(hits.iter().all(|&n| n > 4), "{hits:?}");
 }
 
 /// Curves and patches in the world's tree are those of an instance's own tree, and quadrics stand where placed.

@@ -1,11 +1,29 @@
 //! `cargo xtask gallery`: the pictures of docs/gallery.
 
+mod scenes;
+
 use anyhow::Result;
+use clap::Subcommand;
 
 use crate::run::{Quietus, root, shared_scenes};
 
+/// Pictures that are asked for by name.
+#[derive(Subcommand)]
+pub(crate) enum Gallery {
+    /// Every scene file beside the repository on one sheet, with a table in docs/gallery/README.md
+    Scenes(scenes::Scenes),
+}
+
+/// Draws what is asked for.
+pub(crate) fn gallery(what: Option<Gallery>) -> Result<()> {
+    match what {
+        None => large(),
+        Some(Gallery::Scenes(scenes)) => scenes.draw(),
+    }
+}
+
 /// Draws the embedded scene, the Cornell box and the flight helmet at 1280x720.
-pub(crate) fn gallery() -> Result<()> {
+fn large() -> Result<()> {
     let quietus = Quietus::build()?;
     let scenes = shared_scenes()?;
     let folder = root().join("docs/gallery");

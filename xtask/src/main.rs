@@ -33,8 +33,12 @@ enum Task {
     /// Measurements behind the figures in docs/measurements.md
     #[command(subcommand)]
     Measure(measure::Measure),
-    /// The pictures of docs/gallery
-    Gallery,
+    /// The pictures of docs/gallery; without a word more the three large ones
+    Gallery {
+        /// Others
+        #[command(subcommand)]
+        what: Option<gallery::Gallery>,
+    },
 }
 
 fn main() -> anyhow::Result<()> {
@@ -44,6 +48,6 @@ fn main() -> anyhow::Result<()> {
         Task::Deny => lint::deny(),
         Task::Bench { arguments } => bench::bench(&arguments),
         Task::Measure(what) => measure::measure(&what),
-        Task::Gallery => gallery::gallery(),
+        Task::Gallery { what } => gallery::gallery(what),
     }
 }

@@ -78,6 +78,22 @@ impl Quietus {
         serde_json::from_str(&text).context("the statistics are no JSON")
     }
 
+    /// As [`Self::render`], and returns what the program said beside its results.
+    pub(crate) fn render_and_listen(&self, words: &[&str]) -> Result<(Value, String)> {
+        let stats = self.scratch.path().join("stats.json");
+        let mut command = Command::new(&self.program);
+        command.arg("render").args(words).arg("--stats").arg(&stats).current_dir(root());
+        eprintln!("$ {}", self::words(&command));
+        let output = command.output().context("the program does not start")?;
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        if !output.status.success() {
+            let error = said.lines().find_map(|line| line.strip_prefix("error: "));
+            bail!("{} ({})", error.unwrap_or("no message"), output.status);
+        }
+        let text = std::fs::read_to_string(&stats)?;
+        Ok((serde_json::from_str(&text).context("the statistics are no JSON")?, said))
+    }
+
     /// Where a render without `-o` puts its picture.
     pub(crate) fn picture(&self) -> PathBuf {
         self.scratch.path().join("picture.exr")

@@ -76,7 +76,7 @@ impl View {
         if !(exposure.is_finite() && exposure.min_element() >= 0.0) {
             return Err(ViewError::Exposure(exposure));
         }
-        if !(max_component > 0.0) {
+        if max_component.is_nan() || max_component <= 0.0 {
             return Err(ViewError::MaxComponent(max_component));
         }
         Ok(Self { exposure, max_component, ..self })

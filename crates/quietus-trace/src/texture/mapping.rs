@@ -13,12 +13,12 @@ impl Mapping {
     pub(super) fn coordinates(&self, point: &SurfacePoint) -> Vec2 {
         match self {
             Self::Uv { set, transform } => transform.transform_point2(point.uv[usize::from(*set)]),
-            other => other.from_position(point.position),
+            other => other.of_position(point.position),
         }
     }
 
     /// Texture coordinates of a place in the world; 0 for those that do not depend on it.
-    fn from_position(&self, position: Vec3) -> Vec2 {
+    fn of_position(&self, position: Vec3) -> Vec2 {
         let local = |from_world: &Affine3A| from_world.transform_point3(position);
         match self {
             Self::Uv { .. } => Vec2::ZERO,
@@ -46,7 +46,7 @@ impl Mapping {
                 point.footprint.uv[usize::from(*set)].map(|step| transform.transform_vector2(step))
             }
             other => point.footprint.axes.map(|axis| {
-                let step = other.from_position(point.position + axis) - other.from_position(point.position);
+                let step = other.of_position(point.position + axis) - other.of_position(point.position);
                 // Across the seam of an angle the short way is meant.
                 match other {
                     Self::Spherical { .. } => step - Vec2::new(0.0, step.y.round()),

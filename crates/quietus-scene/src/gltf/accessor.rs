@@ -46,20 +46,32 @@ impl Component {
         }
     }
 
+    /// The integer that stands for 1 where integers are normalized.
+    fn unit(self) -> f32 {
+        match self {
+            Self::I8 => 127.0,
+            Self::U8 => 255.0,
+            Self::I16 => 32767.0,
+            Self::U16 => 65535.0,
+            Self::U32 => u32::MAX as f32,
+            Self::F32 => 1.0,
+        }
+    }
+
     /// The number in the first bytes of `bytes`, which are at least `size`; normalized integers as section 3.11
     /// of the specification says.
     fn decode(self, bytes: &[u8], normalized: bool) -> f32 {
         let two = || [bytes[0], bytes[1]];
         let four = || [bytes[0], bytes[1], bytes[2], bytes[3]];
-        let (value, unit) = match self {
-            Self::I8 => (f32::from(i8::from_le_bytes([bytes[0]])), 127.0),
-            Self::U8 => (f32::from(bytes[0]), 255.0),
-            Self::I16 => (f32::from(i16::from_le_bytes(two())), 32767.0),
-            Self::U16 => (f32::from(u16::from_le_bytes(two())), 65535.0),
-            Self::U32 => (u32::from_le_bytes(four()) as f32, u32::MAX as f32),
+        let value = match self {
+            Self::I8 => f32::from(i8::from_le_bytes([bytes[0]])),
+            Self::U8 => f32::from(bytes[0]),
+            Self::I16 => f32::from(i16::from_le_bytes(two())),
+            Self::U16 => f32::from(u16::from_le_bytes(two())),
+            Self::U32 => u32::from_le_bytes(four()) as f32,
             Self::F32 => return f32::from_le_bytes(four()),
         };
-        if normalized { (value / unit).max(-1.0) } else { value }
+        if normalized { (value / self.unit()).max(-1.0) } else { value }
     }
 
     fn decode_index(self, bytes: &[u8]) -> u32 {
@@ -150,6 +162,13 @@ impl Document<'_> {
     /// Number of elements of accessor `index`, referred to from `place`.
     pub(super) fn accessor_count(&self, index: usize, place: &str) -> Result<u64, SceneError> {
         Ok(self.get(&self.root.accessors, index, "accessors", place)?.count)
+    }
+
+    /// What the integers of accessor `index`, referred to from `place`, are to be divided by: 1 unless they are
+    /// normalized.
+    pub(super) fn unit(&self, index: usize, place: &str) -> Result<f32, SceneError> {
+        let (accessor, component) = self.accessor(index, place)?;
+        Ok(if accessor.normalized { component.unit() } else { 1.0 })
     }
 
     /// Refuses accessor `index`, referred to from `place`, unless its components have one of the types `codes`.

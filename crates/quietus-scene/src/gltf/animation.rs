@@ -156,7 +156,11 @@ fn keys(
         Property::Translation | Property::Scale => {
             document.read_floats(sampler.output, &place, &["VEC3"], [0.0; 3])?.into_flattened()
         }
-        Property::Rotation => rotations(document, sampler.output, interpolation, &place)?,
+        // The tangents of splines are no rotations.
+        Property::Rotation if interpolation == Interpolation::Cubic => {
+            document.read_floats(sampler.output, &place, &["VEC4"], [0.0; 4])?.into_flattened()
+        }
+        Property::Rotation => rotations(document, sampler.output, &place)?.into_flattened(),
         Property::Weights => {
             document.read_floats(sampler.output, &place, &["SCALAR"], [0.0])?.into_flattened()
         }
@@ -187,21 +191,19 @@ fn times(document: &Document<'_>, index: usize, place: &str) -> Result<Vec<f32>,
     Ok(times)
 }
 
-/// Quaternions, of which the values (not the tangents of splines) are brought to unit length.
-fn rotations(
+/// The quaternions of accessor `index`, brought to unit length.
+pub(super) fn rotations(
     document: &Document<'_>,
     index: usize,
-    interpolation: Interpolation,
     place: &str,
-) -> Result<Vec<f32>, SceneError> {
+) -> Result<Vec<[f32; 4]>, SceneError> {
     let mut values = document.read_floats(index, place, &["VEC4"], [0.0; 4])?;
-    let (step, first) = if interpolation == Interpolation::Cubic { (3, 1) } else { (1, 0) };
-    for (i, value) in values.iter_mut().enumerate().skip(first).step_by(step) {
+    for (i, value) in values.iter_mut().enumerate() {
         let unit = glam::Vec4::from_array(*value).try_normalize();
         let unit = unit.ok_or_else(|| {
             document.invalid(place, format!("element {i} is {value:?}, expected a unit quaternion"))
         })?;
         *value = unit.to_array();
     }
-    Ok(values.into_flattened())
+    Ok(values)
 }

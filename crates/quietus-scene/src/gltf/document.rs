@@ -1,7 +1,7 @@
 //! An opened glTF file: its JSON, its buffers, the warnings so far, and the words to complain with.
 
 use std::borrow::Cow;
-use std::cell::{Cell, RefCell};
+use std::cell::{Cell, OnceCell, RefCell};
 use std::path::{Path, PathBuf};
 
 use base64::Engine;
@@ -9,7 +9,8 @@ use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
 use super::container;
-use super::schema::{BufferView, Root};
+use super::meshopt::{self, Filter, Mode};
+use super::schema::{BufferView, Meshopt, Root};
 use crate::error::{ErrorKind, SceneError, Warning};
 use crate::file;
 
@@ -22,6 +23,8 @@ pub(super) struct Document<'a> {
     file: &'a Path,
     pub root: Root,
     buffers: Vec<Cow<'a, [u8]>>,
+    /// Bytes of the views that are compressed, by view, once they were asked for.
+    decompressed: Vec<OnceCell<Vec<u8>>>,
     warnings: RefCell<Vec<Warning>>,
     geometry_bytes: Cell<u64>,
 }
@@ -35,9 +38,11 @@ impl<'a> Document<'a> {
             file,
             root,
             buffers: Vec::new(),
+            decompressed: Vec::new(),
             warnings: RefCell::default(),
             geometry_bytes: Cell::new(0),
         };
+        document.decompressed.resize_with(document.root.buffer_views.len(), OnceCell::new);
         document.check_version()?;
         document.check_extensions()?;
         for index in 0..document.root.buffers.len() {
@@ -109,19 +114,64 @@ impl<'a> Document<'a> {
     pub(super) fn view(&self, index: usize, place: &str) -> Result<(&[u8], &BufferView), SceneError> {
         let view = self.get(&self.root.buffer_views, index, "bufferViews", place)?;
         let own = format!("bufferViews[{index}]");
-        let buffer = self.get(&self.buffers, view.buffer, "buffers", &format!("{own}.buffer"))?;
-        let end = view.byte_offset.checked_add(view.byte_length).filter(|&end| end <= buffer.len() as u64);
-        let Some(end) = end else {
-            let message = format!(
-                "{} bytes from byte {} on, but buffers[{}] has {} bytes",
-                view.byte_length,
-                view.byte_offset,
-                view.buffer,
-                buffer.len()
-            );
-            return Err(self.invalid(&own, message));
+        let Some(source) = &view.extensions.meshopt else {
+            return Ok((self.bytes(&own, view.buffer, view.byte_offset, view.byte_length)?, view));
         };
-        Ok((&buffer[view.byte_offset as usize..end as usize], view))
+        let kept = &self.decompressed[index];
+        let bytes = match kept.get() {
+            Some(bytes) => bytes,
+            None => {
+                let bytes =
+                    self.decompress(view, source, &format!("{own}.extensions.EXT_meshopt_compression"))?;
+                kept.get_or_init(|| bytes)
+            }
+        };
+        Ok((bytes, view))
+    }
+
+    /// The `length` bytes from `offset` on of `buffer`, as `place` says.
+    fn bytes(&self, place: &str, buffer: usize, offset: u64, length: u64) -> Result<&[u8], SceneError> {
+        let bytes = self.get(&self.buffers, buffer, "buffers", &format!("{place}.buffer"))?;
+        let end = offset.checked_add(length).filter(|&end| end <= bytes.len() as u64);
+        let Some(end) = end else {
+            let has = bytes.len();
+            let message =
+                format!("{length} bytes from byte {offset} on, but buffers[{buffer}] has {has} bytes");
+            return Err(self.invalid(place, message));
+        };
+        Ok(&bytes[offset as usize..end as usize])
+    }
+
+    /// Decompresses `view` from `source`, its extension at `place`.
+    fn decompress(&self, view: &BufferView, source: &Meshopt, place: &str) -> Result<Vec<u8>, SceneError> {
+        let invalid = |name: &str, message: String| Err(self.invalid(&format!("{place}.{name}"), message));
+        let stride = source.byte_stride;
+        let (mode, strides): (_, fn(u64) -> bool) = match source.mode.as_str() {
+            "ATTRIBUTES" => (Mode::Attributes, |stride| stride % 4 == 0 && (4..=256).contains(&stride)),
+            "TRIANGLES" => (Mode::Triangles, |stride| stride == 2 || stride == 4),
+            "INDICES" => (Mode::Indices, |stride| stride == 2 || stride == 4),
+            other => {
+                return invalid("mode", format!("is \"{other}\", expected ATTRIBUTES, TRIANGLES or INDICES"));
+            }
+        };
+        let (filter, filtered): (_, fn(u64) -> bool) = match source.filter.as_deref() {
+            None | Some("NONE") => (Filter::None, |_| true),
+            Some("OCTAHEDRAL") => (Filter::Octahedral, |stride| stride == 4 || stride == 8),
+            Some("QUATERNION") => (Filter::Quaternion, |stride| stride == 8),
+            Some("EXPONENTIAL") => (Filter::Exponential, |_| true),
+            Some(other) => return invalid("filter", format!("is \"{other}\", which is not known")),
+        };
+        if !strides(stride) || !filtered(stride) || view.byte_stride.is_some_and(|other| other != stride) {
+            return invalid("byteStride", format!("is {stride}, which does not suit mode, filter and view"));
+        }
+        if source.count.checked_mul(stride) != Some(view.byte_length) {
+            let message = format!("is {}, but the view has {} bytes", source.count, view.byte_length);
+            return invalid("count", message);
+        }
+        self.claim_geometry(place, view.byte_length)?;
+        let data = self.bytes(place, source.buffer, source.byte_offset, source.byte_length)?;
+        meshopt::decode(mode, filter, data, source.count as usize, stride as usize)
+            .map_err(|message| self.invalid(place, format!("the compressed data {message}")))
     }
 
     /// Fetches what `uri` at `place` refers to: a data URI's own bytes or a file beside the scene. Gives the bytes
@@ -161,6 +211,13 @@ impl<'a> Document<'a> {
     fn buffer(&self, index: usize, bin: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>, SceneError> {
         let buffer = &self.root.buffers[index];
         let place = format!("buffers[{index}]");
+        let required = |name: &String| name == "EXT_meshopt_compression";
+        let placeholder = buffer.extensions.meshopt.fallback
+            || buffer.uri.is_none() && index > 0 && self.root.extensions_required.iter().any(required);
+        if placeholder {
+            // It stands for what the compressed views hold.
+            return Ok(Cow::Borrowed(&[]));
+        }
         let data = match (&buffer.uri, bin) {
             (Some(uri), _) => Cow::Owned(self.fetch(uri, &format!("{place}.uri"))?.0),
             (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
@@ -220,14 +277,22 @@ impl<'a> Document<'a> {
 }
 
 /// What a file may require.
-const SUPPORTED_EXTENSIONS: [&str; 9] = [
+const SUPPORTED_EXTENSIONS: [&str; 17] = [
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_transmission",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];

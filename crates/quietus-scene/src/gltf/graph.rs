@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use glam::{Affine3A, Vec3};
-use quietus_trace::desc::{Camera, Light, SpotFalloff};
+use glam::{Affine3A, Quat, Vec3};
+use quietus_trace::desc::{Camera, Instance, Light, SpotFalloff};
 
 use super::animation;
 use super::document::Document;
@@ -33,7 +33,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
         reader.read_node(slot, index)?;
     }
     let Reader { materials, figures, skins, models, cameras, lights, .. } = reader;
-    let Materials { materials, textures, .. } = materials;
+    let Materials { materials, textures, media, .. } = materials;
     let geometry_bytes = document.geometry_bytes();
     let file = document.file().to_path_buf();
     let warnings = document.into_warnings();
@@ -48,6 +48,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
         lights,
         materials,
         textures,
+        media,
         geometry_bytes,
         warnings,
     })
@@ -112,7 +113,15 @@ impl Reader<'_, '_> {
             Some(weights) => mesh::check_weights(document, weights.clone(), figure.weights.len(), own)?,
             None => figure.weights.clone(),
         };
-        self.models.push(Model { slot, mesh, skin: node.skin, weights });
+        let copies = match &node.extensions.instancing {
+            None => vec![Affine3A::IDENTITY],
+            Some(_) if node.skin.is_some() => {
+                document.warn(own, "has instances of a skinned mesh: only one is drawn");
+                vec![Affine3A::IDENTITY]
+            }
+            Some(source) => copies(document, source, own)?,
+        };
+        self.models.push(Model { slot, mesh, skin: node.skin, weights, copies });
         Ok(())
     }
 
@@ -126,6 +135,41 @@ impl Reader<'_, '_> {
         let mut numbered = (2..).map(|number| format!("{name} {number}"));
         numbered.find(|name| !taken(name)).unwrap_or_default()
     }
+}
+
+/// Where EXT_mesh_gpu_instancing places the mesh of the node `own`, seen from that node.
+fn copies(
+    document: &Document<'_>,
+    source: &schema::Instancing,
+    own: &str,
+) -> Result<Vec<Affine3A>, SceneError> {
+    let own = format!("{own}.extensions.EXT_mesh_gpu_instancing.attributes");
+    let at = |name: &str| Some((*source.attributes.get(name)?, format!("{own}.{name}")));
+    let (moves, turns, scales) = (at("TRANSLATION"), at("ROTATION"), at("SCALE"));
+    let mut counts = Vec::new();
+    for (index, place) in [&moves, &turns, &scales].into_iter().flatten() {
+        counts.push(document.accessor_count(*index, place)?);
+    }
+    let Some(&count) = counts.first() else {
+        let message = "has neither TRANSLATION nor ROTATION nor SCALE, expected at least one of them";
+        return Err(document.invalid(&own, message));
+    };
+    if counts.iter().any(|&other| other != count) {
+        return Err(document.invalid(&own, format!("have {counts:?} elements, expected equal numbers")));
+    }
+    document.claim_geometry(&own, count.saturating_mul(size_of::<(Affine3A, Instance)>() as u64))?;
+    let vectors = |at: Option<(usize, String)>| {
+        at.map(|(index, place)| document.read_floats(index, &place, &["VEC3"], [0.0; 3])).transpose()
+    };
+    let (moves, scales) = (vectors(moves)?, vectors(scales)?);
+    let turns = turns.map(|(index, place)| animation::rotations(document, index, &place)).transpose()?;
+    let copy = |i: usize| {
+        let scale = scales.as_ref().map_or(Vec3::ONE, |scales| Vec3::from_array(scales[i]));
+        let rotation = turns.as_ref().map_or(Quat::IDENTITY, |turns| Quat::from_array(turns[i]));
+        let translation = moves.as_ref().map_or(Vec3::ZERO, |moves| Vec3::from_array(moves[i]));
+        Affine3A::from_scale_rotation_translation(scale, rotation, translation)
+    };
+    Ok((0..count as usize).map(copy).collect())
 }
 
 /// Camera `index`, referred to from `place`, in the origin and without a name; `None`, with a warning, where it is

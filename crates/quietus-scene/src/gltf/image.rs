@@ -1,4 +1,4 @@
-//! Pictures: PNG and JPEG, of 8 or 16 bits, from files, data URIs and buffer views.
+//! Pictures: PNG, JPEG and WebP, from files, data URIs and buffer views.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -73,9 +73,10 @@ fn decode(
         _ => return Err(document.invalid(&own, "expected either a uri or a bufferView, and not both")),
     };
     let format = Format::of(&file, &bytes);
-    let Some(format @ Format::Known(ImageFormat::Png | ImageFormat::Jpeg)) = format else {
+    let Some(format @ Format::Known(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) = format
+    else {
         let found = format.map_or("of an unknown kind".to_owned(), Format::name);
-        let message = format!("the picture is {found}, expected PNG or JPEG");
+        let message = format!("the picture is {found}, expected PNG, JPEG or WebP");
         return Err(SceneError::new(ErrorKind::Unsupported, &file, at, message));
     };
     let encoding = match encoding {

@@ -4,14 +4,14 @@ use std::collections::HashMap;
 
 use glam::{Affine2, Mat2, Vec2, Vec3};
 use quietus_trace::desc::{
-    Alpha, ColorParam, ImageTexture, Mapping, Material, MaterialId, MetalRough, ScalarParam, Surface,
-    TexelFilter, Texture, TextureId, Wrap,
+    Alpha, Anisotropy, ColorParam, ImageTexture, Mapping, Material, MaterialId, Medium, MediumId,
+    MediumInterface, MetalRough, Roughness, ScalarParam, Surface, TexelFilter, Texture, TextureId, Wrap,
 };
 
 use super::document::Document;
 use super::image::{Encoding, ImageCache};
 use super::schema::{self, TextureInfo};
-use crate::error::SceneError;
+use crate::error::{ErrorKind, SceneError};
 
 /// Texture, encoding, set of coordinates, and the transform's bits.
 type TextureKey = (usize, Encoding, u8, [u32; 6]);
@@ -21,6 +21,9 @@ pub(super) struct Materials<'d, 'f> {
     document: &'d Document<'f>,
     pub materials: Vec<Material>,
     pub textures: Vec<Texture>,
+    pub media: Vec<Medium>,
+    /// What is inside of things of a material.
+    interiors: HashMap<MaterialId, MediumId>,
     ids: HashMap<Option<usize>, MaterialId>,
     texture_ids: HashMap<TextureKey, TextureId>,
     images: ImageCache,
@@ -32,6 +35,8 @@ impl<'d, 'f> Materials<'d, 'f> {
             document,
             materials: Vec::new(),
             textures: Vec::new(),
+            media: Vec::new(),
+            interiors: HashMap::new(),
             ids: HashMap::new(),
             texture_ids: HashMap::new(),
             images: ImageCache::default(),
@@ -43,34 +48,160 @@ impl<'d, 'f> Materials<'d, 'f> {
         if let Some(&id) = self.ids.get(&index) {
             return Ok(id);
         }
-        let material = match index {
+        let id = match index {
             Some(index) => {
                 let source = self.document.get(&self.document.root.materials, index, "materials", place)?;
                 self.convert(source, index)?
             }
-            None => default_material(),
+            None => self.push(default_material()),
         };
-        let id = MaterialId(self.materials.len() as u32);
-        self.materials.push(material);
         self.ids.insert(index, id);
         Ok(id)
     }
 
-    fn convert(&mut self, source: &schema::Material, index: usize) -> Result<Material, SceneError> {
+    /// The media on the sides of things of the material `id`.
+    pub(super) fn media_of(&self, id: MaterialId) -> Option<MediumInterface> {
+        let inside = self.interiors.get(&id).copied();
+        inside.map(|inside| MediumInterface { inside: Some(inside), outside: None })
+    }
+
+    fn push(&mut self, material: Material) -> MaterialId {
+        self.materials.push(material);
+        MaterialId(self.materials.len() as u32 - 1)
+    }
+
+    fn convert(&mut self, source: &schema::Material, index: usize) -> Result<MaterialId, SceneError> {
         let own = format!("materials[{index}]");
         let metal_rough = self.metal_rough(source, &own)?;
         let alpha = self.alpha(source, &metal_rough, &own)?;
         let emission =
             if metal_rough.unlit { ColorParam::constant(Vec3::ZERO) } else { self.emission(source, &own)? };
-        Ok(Material {
+        let base = Material {
             name: if source.name.is_empty() { own.clone() } else { source.name.clone() },
-            surface: Surface::MetalRough(Box::new(metal_rough)),
+            surface: Surface::Interface,
             emission,
             emission_two_sided: source.double_sided,
             normal_map: self.normal_map(source.normal_texture.as_ref(), &format!("{own}.normalTexture"))?,
             bump: None,
             alpha,
-        })
+        };
+        let volume = &source.extensions.volume;
+        let solid = volume.thickness_factor > 0.0 && metal_rough.transmission.factor > 0.0;
+        if solid && !metal_rough.unlit {
+            let medium = self.attenuation(volume, &base.name, &own)?;
+            let id = self.solid(base, metal_rough);
+            self.interiors.extend(medium.map(|medium| (id, medium)));
+            return Ok(id);
+        }
+        let thin = &source.extensions.diffuse_transmission;
+        if thin.diffuse_transmission_factor > 0.0 && !metal_rough.unlit {
+            return self.leaf(base, metal_rough, thin, &own);
+        }
+        Ok(self.push(Material { surface: Surface::MetalRough(Box::new(metal_rough)), ..base }))
+    }
+
+    /// A thing with an inside (KHR_materials_volume): where light is transmitted it refracts.
+    fn solid(&mut self, base: Material, surface: MetalRough) -> MaterialId {
+        let glass = Surface::Dielectric {
+            ior: surface.ior,
+            roughness: Roughness::perceptual(surface.roughness),
+            tint: surface.base_color,
+        };
+        let (share, metallic) = (surface.transmission, surface.metallic);
+        let rest = MetalRough { transmission: ScalarParam::constant(0.0), ..surface };
+        self.mix(base, rest, glass, share, metallic)
+    }
+
+    /// A thing that light passes diffusely (KHR_materials_diffuse_transmission).
+    fn leaf(
+        &mut self,
+        base: Material,
+        surface: MetalRough,
+        source: &schema::DiffuseTransmission,
+        own: &str,
+    ) -> Result<MaterialId, SceneError> {
+        let at = |name: &str| format!("{own}.extensions.KHR_materials_diffuse_transmission.{name}");
+        let texture = (source.diffuse_transmission_texture.as_ref(), &*at("diffuseTransmissionTexture"));
+        let factor = (source.diffuse_transmission_factor, &*at("diffuseTransmissionFactor"));
+        let share = self.scalar(factor, texture, 3)?;
+        let color = source.diffuse_transmission_color_factor;
+        let texture = source.diffuse_transmission_color_texture.as_ref();
+        let transmittance = ColorParam {
+            factor: self.unit_color(color, &at("diffuseTransmissionColorFactor")),
+            texture: self.texture(texture, Encoding::Srgb, &at("diffuseTransmissionColorTexture"))?,
+        };
+        let message = "lets light pass instead of its whole surface, not only of what is below its gloss";
+        self.document.warn(&at("diffuseTransmissionFactor"), message);
+        let through =
+            Surface::DiffuseTransmission { reflectance: ColorParam::constant(Vec3::ZERO), transmittance };
+        let metallic = surface.metallic;
+        Ok(self.mix(base, surface, through, share, metallic))
+    }
+
+    /// `base` with a share of `share * (1 - metallic)` of `other`, and `surface` for the rest.
+    fn mix(
+        &mut self,
+        base: Material,
+        surface: MetalRough,
+        other: Surface,
+        share: ScalarParam,
+        metallic: ScalarParam,
+    ) -> MaterialId {
+        if share == ScalarParam::constant(1.0) && metallic.factor == 0.0 {
+            return self.push(Material { surface: other, ..base });
+        }
+        let amount = match metallic {
+            ScalarParam { factor: 0.0, .. } => share,
+            ScalarParam { factor, texture: None } => {
+                ScalarParam { factor: share.factor * (1.0 - factor), ..share }
+            }
+            _ => {
+                let shades = [Vec3::ONE, Vec3::ZERO].map(ColorParam::constant);
+                let rest = self.push_texture(Texture::Mix { colors: shades, amount: metallic });
+                let color = ColorParam { factor: Vec3::ONE, texture: Some(rest) };
+                ScalarParam {
+                    factor: 1.0,
+                    texture: Some((self.push_texture(Texture::Scale { color, scale: share }), 0)),
+                }
+            }
+        };
+        // What both have in common stays with the whole; each of them is a surface and nothing else.
+        let part = |surface: Surface| Material {
+            surface,
+            emission: ColorParam::constant(Vec3::ZERO),
+            emission_two_sided: false,
+            alpha: Alpha::Opaque,
+            ..base.clone()
+        };
+        let parts = [part(Surface::MetalRough(Box::new(surface))), part(other)];
+        let materials = parts.map(|part| self.push(part));
+        self.push(Material { surface: Surface::Mix { materials, amount }, ..base })
+    }
+
+    /// The medium inside of a thing called `name`; `None` where it lets everything through. After the attenuation
+    /// distance the attenuation colour is left of white light.
+    fn attenuation(
+        &mut self,
+        volume: &schema::Volume,
+        name: &str,
+        own: &str,
+    ) -> Result<Option<MediumId>, SceneError> {
+        /// What a colour of 0 stands for: a finite coefficient must say that nothing is left.
+        const DARKEST: f32 = 1e-6;
+        let at = |name: &str| format!("{own}.extensions.KHR_materials_volume.{name}");
+        let color = self.unit_color(volume.attenuation_color, &at("attenuationColor"));
+        let Some(distance) = volume.attenuation_distance else { return Ok(None) };
+        if distance.is_nan() || distance <= 0.0 {
+            let message = format!("is {distance}, expected a number above 0");
+            return Err(self.document.invalid(&at("attenuationDistance"), message));
+        }
+        let absorption = color.max(Vec3::splat(DARKEST)).map(|value| -value.ln() / distance).max(Vec3::ZERO);
+        if absorption == Vec3::ZERO {
+            return Ok(None);
+        }
+        let (scattering, emission, g) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+        self.media.push(Medium { name: name.to_owned(), absorption, scattering, emission, g });
+        Ok(Some(MediumId(self.media.len() as u32 - 1)))
     }
 
     fn metal_rough(&mut self, source: &schema::Material, own: &str) -> Result<MetalRough, SceneError> {
@@ -113,7 +244,8 @@ impl<'d, 'f> Materials<'d, 'f> {
         own: &str,
     ) -> Result<MetalRough, SceneError> {
         let at = |name: &str| format!("{own}.extensions.KHR_materials_{name}");
-        let schema::MaterialExtensions { transmission, ior, specular, clearcoat, .. } = &source.extensions;
+        let schema::MaterialExtensions { transmission, ior, specular, clearcoat, anisotropy, sheen, .. } =
+            &source.extensions;
         let color_place = at("specular.specularColorTexture");
         let coat_normal = clearcoat.clearcoat_normal_texture.as_ref();
         Ok(MetalRough {
@@ -147,7 +279,35 @@ impl<'d, 'f> Materials<'d, 'f> {
                 1,
             )?,
             clearcoat_normal: self.normal_map(coat_normal, &at("clearcoat.clearcoatNormalTexture"))?,
+            anisotropy: self.anisotropy(anisotropy, &at("anisotropy"))?,
+            sheen_color: ColorParam {
+                factor: self.unit_color(sheen.sheen_color_factor, &at("sheen.sheenColorFactor")),
+                texture: self.texture(
+                    sheen.sheen_color_texture.as_ref(),
+                    Encoding::Srgb,
+                    &at("sheen.sheenColorTexture"),
+                )?,
+            },
+            sheen_roughness: self.scalar(
+                (sheen.sheen_roughness_factor, &at("sheen.sheenRoughnessFactor")),
+                (sheen.sheen_roughness_texture.as_ref(), &at("sheen.sheenRoughnessTexture")),
+                3,
+            )?,
             ..base
+        })
+    }
+
+    fn anisotropy(&mut self, source: &schema::Anisotropy, place: &str) -> Result<Anisotropy, SceneError> {
+        let rotation = source.anisotropy_rotation;
+        if !rotation.is_finite() {
+            let place = format!("{place}.anisotropyRotation");
+            return Err(self.document.invalid(&place, "expected a finite angle"));
+        }
+        let texture = source.anisotropy_texture.as_ref();
+        Ok(Anisotropy {
+            strength: self.unit(source.anisotropy_strength, &format!("{place}.anisotropyStrength")),
+            rotation,
+            texture: self.texture(texture, Encoding::Linear, &format!("{place}.anisotropyTexture"))?,
         })
     }
 
@@ -214,8 +374,14 @@ impl<'d, 'f> Materials<'d, 'f> {
         let source =
             document.get(&document.root.textures, info.index, "textures", &format!("{place}.index"))?;
         let own = format!("textures[{}]", info.index);
-        let Some(image) = source.source else {
-            document.warn(&own, "has no PNG or JPEG source: materials are drawn without it");
+        let image = source.extensions.webp.as_ref().map(|webp| webp.source).or(source.source);
+        let Some(image) = image else {
+            if source.extensions.basisu.is_some() {
+                let message =
+                    "has nothing but a Basis Universal picture (KHR_texture_basisu), which is not read";
+                return Err(document.error(ErrorKind::Unsupported, &own, message));
+            }
+            document.warn(&own, "has no PNG, JPEG or WebP source: materials are drawn without it");
             return Ok(None);
         };
         let transform = info.extensions.transform.as_ref();
@@ -236,11 +402,16 @@ impl<'d, 'f> Materials<'d, 'f> {
         }
         let image = self.images.get(document, image, encoding, &format!("{own}.source"))?;
         let (wrap, filter) = sampler(document, source.sampler, &own)?;
-        let id = TextureId(self.textures.len() as u32);
         let mapping = Mapping::Uv { set: uv_set as u8, transform: matrix };
-        self.textures.push(Texture::Image(ImageTexture { image, wrap, filter, mapping, invert: false }));
+        let texture = ImageTexture { image, wrap, filter, mapping, invert: false };
+        let id = self.push_texture(Texture::Image(texture));
         self.texture_ids.insert(key, id);
         Ok(Some(id))
+    }
+
+    fn push_texture(&mut self, texture: Texture) -> TextureId {
+        self.textures.push(texture);
+        TextureId(self.textures.len() as u32 - 1)
     }
 
     fn ior(&self, ior: f32, place: &str) -> Result<f32, SceneError> {

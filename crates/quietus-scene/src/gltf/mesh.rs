@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
-use quietus_trace::desc::{MaterialId, Mesh};
+use quietus_trace::desc::{MaterialId, MediumInterface, Mesh};
 
 use super::deform::Target;
 use super::document::Document;
+use super::draco::Compressed;
 use super::material::Materials;
 use super::schema::{self, Primitive};
 use super::skin::Influences;
@@ -28,6 +29,8 @@ pub(super) struct Part {
     /// Its rest shape.
     pub mesh: Arc<Mesh>,
     pub material: MaterialId,
+    /// What is inside of it.
+    pub media: Option<MediumInterface>,
     /// Morph targets, as many as the figure has weights.
     pub targets: Vec<Target>,
     /// How it hangs on joints; empty where it does not.
@@ -53,13 +56,13 @@ pub(super) fn figure(
             let message = format!("has {found} morph targets, expected {expected} as in the first primitive");
             return Err(document.invalid(&place, message));
         }
-        let Some(mesh) = read_primitive(document, primitive, &place)? else { continue };
-        let (attributes, count) = (&primitive.attributes, mesh.positions.len());
-        let read = Attributes { document, attributes, place: &format!("{place}.attributes"), count };
-        let influences = if skinned { influences(&read)? } else { Influences::default() };
+        let Some((mesh, influences)) = read_primitive(document, primitive, skinned, &place)? else {
+            continue;
+        };
         let targets = targets(document, primitive, &mesh, &place)?;
         let material = materials.get(primitive.material, &format!("{place}.material"))?;
-        parts.push(Part { mesh: Arc::new(mesh), material, targets, influences });
+        let media = materials.media_of(material);
+        parts.push(Part { mesh: Arc::new(mesh), material, media, targets, influences });
     }
     let name = if mesh.name.is_empty() { own } else { mesh.name.clone() };
     Ok(Figure { name, parts, weights })
@@ -105,7 +108,8 @@ fn targets(
         if others.count() > 0 {
             document.warn(&place, "changes more than positions, normals and tangents: only those are drawn");
         }
-        let read = Attributes { document, attributes, place: &place, count: mesh.positions.len() };
+        let count = mesh.positions.len();
+        let read = Attributes { document, attributes, place: &place, count, compressed: None };
         let vectors = |name| read.vectors(name, &["VEC3"], [0.0; 3], Vec3::from_array);
         // What the mesh itself lacks is not drawn either.
         Ok(Target {
@@ -153,12 +157,14 @@ fn influences(read: &Attributes<'_, '_>) -> Result<Influences, SceneError> {
     Ok(influences)
 }
 
-/// Reads a primitive; `None`, with a warning, where it has no triangles.
+/// Reads a primitive, and how it hangs on joints where it is `skinned`; `None`, with a warning, where it has no
+/// triangles.
 fn read_primitive(
     document: &Document<'_>,
     primitive: &Primitive,
+    skinned: bool,
     place: &str,
-) -> Result<Option<Mesh>, SceneError> {
+) -> Result<Option<(Mesh, Influences)>, SceneError> {
     let topology = match primitive.mode {
         4 => Topology::Triangles,
         5 => Topology::Strip,
@@ -174,33 +180,23 @@ fn read_primitive(
         document.warn(&format!("{place}.attributes"), "has no POSITION: the primitive is left out");
         return Ok(None);
     };
-    let at = |name: &str| format!("{place}.attributes.{name}");
-    let positions = document.read_floats(position, &at("POSITION"), &["VEC3"], [0.0; 3])?;
-    let count = positions.len();
+    let draco = primitive.extensions.draco.as_ref();
+    let compressed = draco.map(|source| Compressed::decode(document, source, place)).transpose()?;
     let own = format!("{place}.attributes");
-    let read = Attributes { document, attributes, place: &own, count };
-    let mut mesh = Mesh {
-        positions: positions.into_iter().map(Vec3::from_array).collect(),
-        triangles: triangles(document, primitive, topology, count, place)?,
-        normals: read.vectors("NORMAL", &["VEC3"], [0.0; 3], Vec3::from_array)?,
-        tangents: Vec::new(),
-        uvs: [
-            read.vectors("TEXCOORD_0", &["VEC2"], [0.0; 2], Vec2::from_array)?,
-            read.vectors("TEXCOORD_1", &["VEC2"], [0.0; 2], Vec2::from_array)?,
-        ],
-        colors: read.vectors("COLOR_0", &["VEC3", "VEC4"], [1.0; 4], |color| {
-            Vec4::from_array(color).clamp(Vec4::ZERO, Vec4::ONE)
-        })?,
-        ..Mesh::default()
+    let count = match &compressed {
+        Some(compressed) => compressed.vertices(),
+        None => document.accessor_count(position, &format!("{own}.POSITION"))? as usize,
     };
-    // Flat normals are what the tracer takes where there are none; tangents are then to be ignored
-    // (specification, section 3.7.2.1).
-    if !mesh.normals.is_empty() {
-        mesh.tangents = read.vectors("TANGENT", &["VEC4"], [0.0; 4], Vec4::from_array)?;
-        repair_normals(document, &mut mesh, &at("NORMAL"));
-        repair_tangents(document, &mut mesh, &at("TANGENT"));
-    }
-    Ok((!mesh.triangles.is_empty()).then_some(mesh))
+    let read = Attributes { document, attributes, place: &own, count, compressed: compressed.as_ref() };
+    let mut mesh = read.rest_shape()?;
+    let (corners, topology) = match &compressed {
+        Some(compressed) => (Some(compressed.corners()), Topology::Triangles),
+        None => (None, topology),
+    };
+    mesh.triangles = triangles(document, primitive, corners, topology, count, place)?;
+    read.add_directions(&mut mesh)?;
+    let influences = if skinned { influences(&read)? } else { Influences::default() };
+    Ok((!mesh.triangles.is_empty()).then_some((mesh, influences)))
 }
 
 /// Reads attributes of one primitive, or of one of its morph targets.
@@ -210,9 +206,38 @@ struct Attributes<'a, 'f> {
     place: &'a str,
     /// Number of vertices.
     count: usize,
+    /// Where Draco compressed some of them.
+    compressed: Option<&'a Compressed>,
 }
 
 impl Attributes<'_, '_> {
+    /// All that does not depend on triangles.
+    fn rest_shape(&self) -> Result<Mesh, SceneError> {
+        Ok(Mesh {
+            positions: self.vectors("POSITION", &["VEC3"], [0.0; 3], Vec3::from_array)?,
+            uvs: [
+                self.vectors("TEXCOORD_0", &["VEC2"], [0.0; 2], Vec2::from_array)?,
+                self.vectors("TEXCOORD_1", &["VEC2"], [0.0; 2], Vec2::from_array)?,
+            ],
+            colors: self.vectors("COLOR_0", &["VEC3", "VEC4"], [1.0; 4], |color| {
+                Vec4::from_array(color).clamp(Vec4::ZERO, Vec4::ONE)
+            })?,
+            ..Mesh::default()
+        })
+    }
+
+    /// Adds normals and tangents to `mesh`, which has its triangles. Flat normals are what the tracer takes where there
+    /// are none; tangents are then to be ignored (specification, section 3.7.2.1).
+    fn add_directions(&self, mesh: &mut Mesh) -> Result<(), SceneError> {
+        mesh.normals = self.vectors("NORMAL", &["VEC3"], [0.0; 3], Vec3::from_array)?;
+        if !mesh.normals.is_empty() {
+            mesh.tangents = self.vectors("TANGENT", &["VEC4"], [0.0; 4], Vec4::from_array)?;
+            repair_normals(self.document, mesh, &format!("{}.NORMAL", self.place));
+            repair_tangents(self.document, mesh, &format!("{}.TANGENT", self.place));
+        }
+        Ok(())
+    }
+
     /// Attribute `name`, empty where the primitive has none.
     fn vectors<const N: usize, T>(
         &self,
@@ -228,7 +253,13 @@ impl Attributes<'_, '_> {
             let message = format!("has {count} elements, expected {}, as many as POSITION has", self.count);
             return Err(self.document.invalid(&place, message));
         }
-        Ok(self.document.read_floats(index, &place, kinds, fill)?.into_iter().map(convert).collect())
+        let compressed =
+            self.compressed.map(|mesh| mesh.read(self.document, name, index, fill)).transpose()?;
+        let elements = match compressed.flatten() {
+            Some(elements) => elements,
+            None => self.document.read_floats(index, &place, kinds, fill)?,
+        };
+        Ok(elements.into_iter().map(convert).collect())
     }
 }
 
@@ -240,29 +271,31 @@ enum Topology {
     Fan,
 }
 
+/// The triangles over `vertices` vertices whose corners were `decoded`, or are listed by the primitive at `place`.
 fn triangles(
     document: &Document<'_>,
     primitive: &Primitive,
+    decoded: Option<Vec<u32>>,
     topology: Topology,
     vertices: usize,
     place: &str,
 ) -> Result<Vec<[u32; 3]>, SceneError> {
-    let (indices, place) = match primitive.indices {
-        Some(index) => {
+    let (indices, place) = match (decoded, primitive.indices) {
+        (Some(corners), _) => (corners, place.to_owned()),
+        (None, Some(index)) => {
             let place = format!("{place}.indices");
-            let indices = document.read_indices(index, &place)?;
-            if let Some(at) = indices.iter().position(|&index| index as usize >= vertices) {
-                let message = format!("index {at} is {}, but there are {vertices} vertices", indices[at]);
-                return Err(document.invalid(&place, message));
-            }
-            (indices, place)
+            (document.read_indices(index, &place)?, place)
         }
-        None => {
+        (None, None) => {
             let count =
                 u32::try_from(vertices).map_err(|_| document.invalid(place, "has over 2^32 vertices"))?;
             ((0..count).collect(), format!("{place}.attributes.POSITION"))
         }
     };
+    if let Some(at) = indices.iter().position(|&index| index as usize >= vertices) {
+        let message = format!("index {at} is {}, but there are {vertices} vertices", indices[at]);
+        return Err(document.invalid(&place, message));
+    }
     let count = indices.len();
     if topology == Topology::Triangles && count % 3 != 0 {
         return Err(document.invalid(&place, format!("{count} corners, expected a multiple of 3")));

@@ -103,6 +103,13 @@ pub(super) struct Node {
 pub(super) struct NodeExtensions {
     #[serde(rename = "KHR_lights_punctual")]
     pub light: Option<LightIndex>,
+    #[serde(rename = "EXT_mesh_gpu_instancing")]
+    pub instancing: Option<Instancing>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Instancing {
+    pub attributes: Attributes,
 }
 
 #[derive(Debug, Deserialize)]
@@ -128,6 +135,22 @@ pub(super) struct Primitive {
     pub mode: u32,
     #[serde(default)]
     pub targets: Vec<Attributes>,
+    #[serde(default)]
+    pub extensions: PrimitiveExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct PrimitiveExtensions {
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    pub draco: Option<Draco>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Draco {
+    pub buffer_view: usize,
+    pub attributes: Attributes,
 }
 
 /// Accessors by the attribute's name.
@@ -186,8 +209,68 @@ pub(super) struct MaterialExtensions {
     pub specular: Specular,
     #[serde(rename = "KHR_materials_clearcoat")]
     pub clearcoat: Clearcoat,
+    #[serde(rename = "KHR_materials_anisotropy")]
+    pub anisotropy: Anisotropy,
+    #[serde(rename = "KHR_materials_sheen")]
+    pub sheen: Sheen,
+    #[serde(rename = "KHR_materials_volume")]
+    pub volume: Volume,
+    #[serde(rename = "KHR_materials_diffuse_transmission")]
+    pub diffuse_transmission: DiffuseTransmission,
     #[serde(rename = "KHR_materials_unlit")]
     pub unlit: Option<serde::de::IgnoredAny>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Anisotropy {
+    pub anisotropy_strength: f32,
+    pub anisotropy_rotation: f32,
+    pub anisotropy_texture: Option<TextureInfo>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Sheen {
+    pub sheen_color_factor: [f32; 3],
+    pub sheen_color_texture: Option<TextureInfo>,
+    pub sheen_roughness_factor: f32,
+    pub sheen_roughness_texture: Option<TextureInfo>,
+}
+
+/// The thickness texture is for renderers that do not trace the far side of a thing.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Volume {
+    pub thickness_factor: f32,
+    pub attenuation_distance: Option<f32>,
+    pub attenuation_color: [f32; 3],
+}
+
+impl Default for Volume {
+    fn default() -> Self {
+        Self { thickness_factor: 0.0, attenuation_distance: None, attenuation_color: [1.0; 3] }
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct DiffuseTransmission {
+    pub diffuse_transmission_factor: f32,
+    pub diffuse_transmission_texture: Option<TextureInfo>,
+    pub diffuse_transmission_color_factor: [f32; 3],
+    pub diffuse_transmission_color_texture: Option<TextureInfo>,
+}
+
+impl Default for DiffuseTransmission {
+    fn default() -> Self {
+        Self {
+            diffuse_transmission_factor: 0.0,
+            diffuse_transmission_texture: None,
+            diffuse_transmission_color_factor: [1.0; 3],
+            diffuse_transmission_color_texture: None,
+        }
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -290,6 +373,21 @@ impl Default for TextureTransform {
 pub(super) struct Texture {
     pub sampler: Option<usize>,
     pub source: Option<usize>,
+    pub extensions: TextureExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct TextureExtensions {
+    #[serde(rename = "EXT_texture_webp")]
+    pub webp: Option<TextureSource>,
+    #[serde(rename = "KHR_texture_basisu")]
+    pub basisu: Option<TextureSource>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct TextureSource {
+    pub source: usize,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -405,6 +503,28 @@ pub(super) struct BufferView {
     pub byte_offset: u64,
     pub byte_length: u64,
     pub byte_stride: Option<u64>,
+    #[serde(default)]
+    pub extensions: BufferViewExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct BufferViewExtensions {
+    #[serde(rename = "EXT_meshopt_compression")]
+    pub meshopt: Option<Meshopt>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Meshopt {
+    pub buffer: usize,
+    #[serde(default)]
+    pub byte_offset: u64,
+    pub byte_length: u64,
+    pub byte_stride: u64,
+    pub count: u64,
+    pub mode: String,
+    pub filter: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -412,4 +532,19 @@ pub(super) struct BufferView {
 pub(super) struct Buffer {
     pub uri: Option<String>,
     pub byte_length: u64,
+    #[serde(default)]
+    pub extensions: BufferExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct BufferExtensions {
+    #[serde(rename = "EXT_meshopt_compression")]
+    pub meshopt: Fallback,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Fallback {
+    pub fallback: bool,
 }

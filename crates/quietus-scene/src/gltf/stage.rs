@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Vec3};
 use quietus_trace::desc::{
-    Camera, Geometry, Instance, Light, Material, Mesh, Object, ObjectId, SceneDesc, Shape, Texture,
+    Camera, Geometry, Instance, Light, Material, Medium, Mesh, Object, ObjectId, SceneDesc, Shape, Texture,
 };
 
 use super::animation::Clip;
@@ -36,6 +36,7 @@ pub(crate) struct Stage {
     pub(super) lights: Vec<(usize, Light)>,
     pub(super) materials: Vec<Material>,
     pub(super) textures: Vec<Texture>,
+    pub(super) media: Vec<Medium>,
     pub(super) geometry_bytes: u64,
     pub(super) warnings: Vec<Warning>,
 }
@@ -48,6 +49,8 @@ pub(super) struct Model {
     pub skin: Option<usize>,
     /// Weights of its morph targets in the rest pose.
     pub weights: Vec<f32>,
+    /// Where it stands, seen from its node: once, or many times.
+    pub copies: Vec<Affine3A>,
 }
 
 /// When a picture is taken.
@@ -81,6 +84,7 @@ impl Stage {
         let scene = SceneDesc {
             materials: self.materials.clone(),
             textures: self.textures.clone(),
+            media: self.media.clone(),
             ..SceneDesc::default()
         };
         let geometry_bytes = Cell::new(self.geometry_bytes);
@@ -141,24 +145,31 @@ impl Take<'_> {
             Some(_) => (Affine3A::IDENTITY, None),
             None => self.motion(model.slot),
         };
-        if !to_world.inverse().is_finite() {
-            self.warn_flat(model.slot);
+        let object = self.object(index, model)?;
+        if self.scene.objects[object.0 as usize].shapes.is_empty() {
             return Ok(());
         }
-        let end_to_world = end_to_world.filter(|end| {
-            let sound = end.inverse().is_finite()
-                && deform::mirror(&end.matrix3) == deform::mirror(&to_world.matrix3);
+        for copy in &model.copies {
+            let end_to_world = end_to_world.map(|end| end * *copy);
+            self.add_instance(model.slot, object, to_world * *copy, end_to_world);
+        }
+        Ok(())
+    }
+
+    fn add_instance(&mut self, slot: usize, object: ObjectId, to_world: Affine3A, end: Option<Affine3A>) {
+        if !to_world.inverse().is_finite() {
+            return self.warn_flat(slot);
+        }
+        let end_to_world = end.filter(|end| {
+            let mirrors = [end, &to_world].map(|transform| deform::mirror(&transform.matrix3));
+            let sound = end.inverse().is_finite() && mirrors[0] == mirrors[1];
             if !sound {
                 let message = "is turned inside out or flattened while the shutter is open: it stands still";
-                self.warn(model.slot, message);
+                self.warn(slot, message);
             }
             sound
         });
-        let object = self.object(index, model)?;
-        if !self.scene.objects[object.0 as usize].shapes.is_empty() {
-            self.scene.instances.push(Instance { object, to_world, end_to_world });
-        }
-        Ok(())
+        self.scene.instances.push(Instance { object, to_world, end_to_world });
     }
 
     /// The object that `model` shows; models of the same form share theirs.
@@ -194,7 +205,10 @@ impl Take<'_> {
         let closing =
             closing.filter(|(joints, weights)| *joints != opening || *weights != &self.open.weights[index]);
         if closing.is_none() && model.skin.is_none() && weights.iter().all(|&weight| weight == 0.0) {
-            return Ok(Shape::new(Geometry::Mesh(Arc::clone(&part.mesh)), part.material));
+            return Ok(Shape {
+                media: part.media,
+                ..Shape::new(Geometry::Mesh(Arc::clone(&part.mesh)), part.material)
+            });
         }
         self.claim(part, index)?;
         let bent = |weights: &[f32], joints: &[Affine3A]| {
@@ -216,7 +230,8 @@ impl Take<'_> {
         };
         // Triangles of mirrored joints come out clockwise.
         let flipped = opening.first().is_some_and(|joint| deform::mirror(&joint.matrix3) < 0.0);
-        Ok(Shape { flipped, ..Shape::new(Geometry::Mesh(Arc::new(mesh)), part.material) })
+        let media = part.media;
+        Ok(Shape { flipped, media, ..Shape::new(Geometry::Mesh(Arc::new(mesh)), part.material) })
     }
 
     fn check_finite(&self, index: usize, vertices: &Vertices) -> Result<(), SceneError> {

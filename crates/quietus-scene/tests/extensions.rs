@@ -1,0 +1,333 @@
+//! Extensions that store or place geometry in other ways, against the same geometry in the plain one; and those of
+//! materials with an inside.
+
+mod common;
+
+use common::{add_accessor, data_uri, floats, read, read_ok, triangle};
+use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
+use proptest::prelude::*;
+use quietus_trace::desc::{
+    Geometry, MediumId, MediumInterface, Mesh, ScalarParam, SceneDesc, Surface, Texture,
+};
+use serde_json::{Value, json};
+
+fn mesh(scene: &SceneDesc) -> &Mesh {
+    match &scene.objects[0].shapes[0].geometry {
+        Geometry::Mesh(mesh) => mesh,
+        other => panic!("glTF has no {other:?}"),
+    }
+}
+
+fn message(document: &Value) -> String {
+    read(document).expect_err("a broken document").to_string()
+}
+
+fn shorts(values: &[i16]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+proptest! {
+    /// KHR_mesh_quantization: a mesh of integers of any kind is the mesh of the floats they stand for.
+    #[test]
+    fn quantized_meshes_are_float_meshes(
+        positions in prop::collection::vec(any::<i16>(), 9), normals in prop::collection::vec(-127_i8..=127, 9),
+        uvs in prop::collection::vec(any::<u16>(), 6),
+    ) {
+        let mut plain = triangle();
+        let mut small = triangle();
+        small["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
+        let mut add = |name: &str, kind: &str, bytes: &[u8], code: u32, normalized: bool, values: &[f32]| {
+            let fields = json!({"componentType": code, "normalized": normalized, "count": 3, "type": kind});
+            let index = add_accessor(&mut small, bytes, fields);
+            small["meshes"][0]["primitives"][0]["attributes"][name] = json!(index);
+            let fields = json!({"componentType": 5126, "count": 3, "type": kind});
+            let index = add_accessor(&mut plain, &floats(values), fields);
+            plain["meshes"][0]["primitives"][0]["attributes"][name] = json!(index);
+        };
+        let values: Vec<f32> = positions.iter().map(|&p| f32::from(p)).collect();
+        add("POSITION", "VEC3", &shorts(&positions), 5122, false, &values);
+        let values: Vec<f32> = normals.iter().map(|&n| f32::from(n) / 127.0).collect();
+        let bytes: Vec<u8> = normals.iter().map(|&n| n as u8).collect();
+        add("NORMAL", "VEC3", &bytes, 5120, true, &values);
+        let values: Vec<f32> = uvs.iter().map(|&uv| f32::from(uv) / 65535.0).collect();
+        let bytes: Vec<u8> = uvs.iter().flat_map(|uv| uv.to_le_bytes()).collect();
+        add("TEXCOORD_0", "VEC2", &bytes, 5123, true, &values);
+        let (plain, small) = (read_ok(&plain).scene, read_ok(&small).scene);
+        prop_assert_eq!(&mesh(&small).positions, &mesh(&plain).positions);
+        prop_assert_eq!(&mesh(&small).normals, &mesh(&plain).normals);
+        prop_assert_eq!(&mesh(&small).uvs, &mesh(&plain).uvs);
+    }
+}
+
+/// EXT_mesh_gpu_instancing against nodes.
+#[test]
+fn instances_are_nodes() {
+    let moves = [[1_f32, 2., 3.], [4., 5., 6.]];
+    let scales = [[2_f32, 2., 2.], [1., 1., 3.]];
+    let turns: [[i16; 4]; 2] = [[0, 32767, 0, 0], [0, 0, 0, 32767]];
+    let mut document = triangle();
+    let vectors = json!({"componentType": 5126, "count": 2, "type": "VEC3"});
+    let translation = add_accessor(&mut document, &floats(moves.as_flattened()), vectors.clone());
+    let scale = add_accessor(&mut document, &floats(scales.as_flattened()), vectors);
+    let fields = json!({"componentType": 5122, "normalized": true, "count": 2, "type": "VEC4"});
+    let rotation = add_accessor(&mut document, &shorts(turns.as_flattened()), fields);
+    document["extensionsRequired"] = json!(["EXT_mesh_gpu_instancing"]);
+    document["nodes"][0]["translation"] = json!([10, 0, 0]);
+    let attributes = json!({"TRANSLATION": translation, "ROTATION": rotation, "SCALE": scale, "_ID": 0});
+    document["nodes"][0]["extensions"] = json!({"EXT_mesh_gpu_instancing": {"attributes": attributes}});
+    let scene = read_ok(&document).scene;
+    let turns = [Quat::from_xyzw(0., 1., 0., 0.), Quat::IDENTITY];
+    assert_eq!((scene.objects.len(), scene.instances.len()), (1, 2));
+    for (i, instance) in scene.instances.iter().enumerate() {
+        let copy = Affine3A::from_scale_rotation_translation(scales[i].into(), turns[i], moves[i].into());
+        assert_eq!(instance.to_world, Affine3A::from_translation(Vec3::new(10., 0., 0.)) * copy);
+    }
+    document["accessors"][scale]["count"] = json!(1);
+    assert!(message(&document).contains("have [2, 2, 1] elements, expected equal numbers"));
+    document["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = json!({});
+    assert!(message(&document).contains("has neither TRANSLATION nor ROTATION nor SCALE"));
+}
+
+/// A triangle whose positions are compressed by meshoptimizer: `attribute` is one element of 4 bytes.
+fn compressed() -> Value {
+    let bytes = include_bytes!("compressed/indices.bin");
+    let mut document = triangle();
+    document["extensionsRequired"] = json!(["EXT_meshopt_compression"]);
+    // The stream lists 0, 1000, 1, 1002, 2, 1004 and so on, up to 122 indices.
+    let positions: Vec<f32> = (0..70_001).flat_map(|i| [i as f32, 0.0, 0.0]).collect();
+    let fields = json!({"componentType": 5126, "count": 70_001, "type": "VEC3"});
+    let position = add_accessor(&mut document, &floats(&positions), fields);
+    let fields = json!({"componentType": 5125, "count": 120, "type": "SCALAR"});
+    let index = add_accessor(&mut document, bytes, fields);
+    let buffers = document["buffers"].as_array_mut().expect("an array");
+    buffers.push(json!({"byteLength": 488}));
+    let placeholder = buffers.len() - 1;
+    let view = document["accessors"][index]["bufferView"].as_u64().expect("an index") as usize;
+    document["bufferViews"][view] = json!({"buffer": placeholder, "byteLength": 488, "extensions": {
+        "EXT_meshopt_compression": {"buffer": placeholder - 1, "byteLength": bytes.len(), "byteStride": 4,
+            "count": 122, "mode": "INDICES"}}});
+    let primitive = &mut document["meshes"][0]["primitives"][0];
+    (primitive["indices"], primitive["attributes"]["POSITION"]) = (json!(index), json!(position));
+    document
+}
+
+#[test]
+fn views_are_decompressed() {
+    let document = compressed();
+    let scene = read_ok(&document).scene;
+    assert_eq!(mesh(&scene).triangles[..2], [[0, 1000, 1], [1002, 2, 1004]]);
+    assert_eq!(mesh(&scene).triangles.len(), 40);
+    let view = document["bufferViews"].as_array().expect("an array").len() - 1;
+    let broken = |name: &str, value: Value| {
+        let mut document = compressed();
+        document["bufferViews"][view]["extensions"]["EXT_meshopt_compression"][name] = value;
+        message(&document)
+    };
+    assert!(
+        broken("mode", json!("ZIP")).contains("mode: is \"ZIP\", expected ATTRIBUTES, TRIANGLES or INDICES")
+    );
+    assert!(broken("filter", json!("COLOR")).contains("filter: is \"COLOR\", which is not known"));
+    assert!(broken("filter", json!("QUATERNION")).contains("byteStride: is 4, which does not suit"));
+    assert!(broken("byteStride", json!(3)).contains("byteStride: is 3"));
+    assert!(broken("count", json!(121)).contains("count: is 121, but the view has 488 bytes"));
+    assert!(broken("byteLength", json!(100)).contains("the compressed data"));
+    assert!(broken("byteLength", json!(9999)).contains("9999 bytes from byte 0 on"));
+    assert!(broken("buffer", json!(77)).contains("refers to buffers[77]"));
+    let mut document = compressed();
+    document["bufferViews"][view]["extensions"] = json!({});
+    assert!(message(&document).contains("has 0 bytes"), "nothing is in the placeholder");
+}
+
+/// A grid of 9 x 9 vertices (x, y, x y / 8), which Draco compressed in one of its ways.
+fn draco(bytes: &[u8]) -> Value {
+    let mut document = triangle();
+    document["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
+    document["buffers"] = json!([{"byteLength": bytes.len(), "uri": data_uri(bytes)}]);
+    document["bufferViews"] = json!([{"buffer": 0, "byteLength": bytes.len()}]);
+    let accessor = |code: u32, kind: &str| json!({"componentType": code, "count": 81, "type": kind, "normalized": code == 5121});
+    document["accessors"] = json!([accessor(5126, "VEC3"), accessor(5126, "VEC3"), accessor(5126, "VEC2"), accessor(5121, "VEC4"),
+            {"componentType": 5125, "count": 384, "type": "SCALAR"}]);
+    let attributes = json!({"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2, "COLOR_0": 3});
+    document["meshes"][0]["primitives"][0] = json!({"attributes": attributes, "indices": 4, "extensions": {
+        "KHR_draco_mesh_compression": {"bufferView": 0, "attributes": attributes}}});
+    document
+}
+
+#[test]
+fn draco_meshes_are_decoded() {
+    let streams: [&[u8]; 3] = [
+        include_bytes!("compressed/draco-standard.bin"),
+        include_bytes!("compressed/draco-valence.bin"),
+        include_bytes!("compressed/draco-sequential.bin"),
+    ];
+    for bytes in streams {
+        let scene = read_ok(&draco(bytes)).scene;
+        let mesh = mesh(&scene);
+        assert_eq!((mesh.positions.len(), mesh.triangles.len()), (81, 128));
+        let mut seen = [false; 81];
+        for (i, p) in mesh.positions.iter().enumerate() {
+            // Half a step of 14 bits over the longest side, and a rounding of numbers up to 8.
+            let step = 8.0 / f32::from((1_u16 << 14) - 1);
+            let (x, y) = (p.x.round(), p.y.round());
+            let near =
+                p.distance(Vec3::new(x, y, x * y / 8.0)) <= 0.5 * step * 3_f32.sqrt() + 16.0 * f32::EPSILON;
+            assert!(near, "{p}");
+            let vertex = (9.0 * y + x) as usize;
+            seen[vertex] = true;
+            assert!(
+                (mesh.uvs[0][i] - Vec2::new(x, y) / 8.0).abs().max_element()
+                    <= 1.0 / f32::from((1_u16 << 12) - 1)
+            );
+            assert_eq!(mesh.colors[i], Vec4::new(vertex as f32, 255.0 - vertex as f32, 0.0, 255.0) / 255.0);
+            let normal = Vec3::new(-y, -x, 8.0).normalize();
+            // Half a step of 10 bits in both octahedral coordinates, which a vector is up to sqrt(3) times as
+            // sensitive to once it is brought to unit length.
+            let steps = 3_f32.sqrt() * 2_f32.sqrt() / f32::from((1_u16 << 10) - 2);
+            assert!(mesh.normals[i].distance(normal) <= steps, "{} {normal}", mesh.normals[i]);
+        }
+        assert!(seen.iter().all(|seen| *seen));
+        for triangle in &mesh.triangles {
+            let [a, b, c] = triangle.map(|i| mesh.positions[i as usize].truncate());
+            assert!(((b - a).perp_dot(c - a) - 1.0).abs() < 0.01, "half a cell, counter-clockwise");
+        }
+    }
+}
+
+#[test]
+fn broken_draco_meshes_are_refused() {
+    let bytes = include_bytes!("compressed/draco-valence.bin");
+    let mut document = draco(bytes);
+    let extension = "KHR_draco_mesh_compression";
+    document["meshes"][0]["primitives"][0]["extensions"][extension]["attributes"]["NORMAL"] = json!(9);
+    assert!(message(&document).contains("attributes.NORMAL: is 9, which the compressed mesh does not have"));
+    let mut document = draco(bytes);
+    document["accessors"][2]["count"] = json!(80);
+    assert!(message(&document).contains("TEXCOORD_0: has 80 elements, expected 81"));
+    for length in 0..bytes.len() {
+        let error = message(&draco(&bytes[..length]));
+        assert!(error.contains("is not a whole Draco mesh"), "{length}: {error}");
+    }
+    // Flipped bits may go unnoticed or be an error, but never a panic.
+    for bit in 0..8 * bytes.len() {
+        let mut bytes = *bytes;
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        let _ = read(&draco(&bytes));
+    }
+}
+
+/// The triangle with one material.
+fn with_material(material: Value) -> SceneDesc {
+    let mut document = triangle();
+    document["materials"] = json!([material]);
+    document["meshes"][0]["primitives"][0]["material"] = json!(0);
+    read_ok(&document).scene
+}
+
+fn glass(transmission: f32, metallic: f32, volume: Value) -> Value {
+    json!({
+        "name": "tea", "emissiveFactor": [1, 1, 1],
+        "pbrMetallicRoughness": {"metallicFactor": metallic, "roughnessFactor": 0.25, "baseColorFactor": [0.5, 1, 1, 1]},
+        "extensions": {"KHR_materials_transmission": {"transmissionFactor": transmission},
+            "KHR_materials_ior": {"ior": 1.33}, "KHR_materials_volume": volume}
+    })
+}
+
+#[test]
+fn volumes_are_glass_with_an_inside() {
+    let volume = json!({"thicknessFactor": 2, "attenuationDistance": 0.5, "attenuationColor": [1, 0.25, 0]});
+    let scene = with_material(glass(1.0, 0.0, volume.clone()));
+    let Surface::Dielectric { ior, roughness, tint } = &scene.materials[0].surface else {
+        panic!("expected glass: {:?}", scene.materials[0].surface)
+    };
+    assert_eq!((*ior, roughness.u, tint.factor), (1.33, ScalarParam::constant(0.25), Vec3::new(0.5, 1., 1.)));
+    let media = Some(MediumInterface { inside: Some(MediumId(0)), outside: None });
+    assert_eq!(scene.objects[0].shapes[0].media, media);
+    // After half a metre a quarter of green is left, and after one a sixteenth.
+    let medium = &scene.media[0];
+    assert_eq!((medium.absorption.x, medium.scattering), (0.0, Vec3::ZERO));
+    assert!(((-medium.absorption.y).exp() - 1.0 / 16.0).abs() < 1e-6);
+    assert!(medium.absorption.z.is_finite() && (-0.5 * medium.absorption.z).exp() < 1e-5);
+    // Clear glass has no medium, thin walls have no inside, and neither have things that nothing passes.
+    let clear = with_material(glass(1.0, 0.0, json!({"thicknessFactor": 1})));
+    assert!(matches!(clear.materials[0].surface, Surface::Dielectric { .. }) && clear.media.is_empty());
+    for (transmission, thickness) in [(1.0, 0.0), (0.0, 1.0)] {
+        let scene = with_material(glass(transmission, 0.0, json!({"thicknessFactor": thickness})));
+        assert!(matches!(scene.materials[0].surface, Surface::MetalRough(_)));
+        assert_eq!(scene.objects[0].shapes[0].media, None);
+    }
+}
+
+#[test]
+fn partial_transmission_is_a_mixture() {
+    let volume = json!({"thicknessFactor": 2, "attenuationDistance": 0.5, "attenuationColor": [1, 0.25, 0]});
+    let scene = with_material(glass(0.5, 0.5, volume));
+    let whole = &scene.materials[scene.objects[0].shapes[0].material.0 as usize];
+    let Surface::Mix { materials, amount } = &whole.surface else { panic!("expected a mixture") };
+    assert_eq!((*amount, whole.emission.factor), (ScalarParam::constant(0.25), Vec3::ONE));
+    let [opaque, glass] = materials.map(|id| &scene.materials[id.0 as usize]);
+    let Surface::MetalRough(opaque_surface) = &opaque.surface else { panic!("expected the base material") };
+    assert_eq!((opaque_surface.transmission.factor, opaque_surface.metallic.factor), (0.0, 0.5));
+    assert!(matches!(glass.surface, Surface::Dielectric { .. }));
+    assert_eq!((opaque.emission.factor, glass.emission.factor), (Vec3::ZERO, Vec3::ZERO), "it emits once");
+    assert!(scene.objects[0].shapes[0].media.is_some());
+}
+
+#[test]
+fn leaves_let_light_pass() {
+    let leaf = json!({"diffuseTransmissionFactor": 0.75, "diffuseTransmissionColorFactor": [0, 1, 0]});
+    let scene = with_material(json!({"pbrMetallicRoughness": {"metallicFactor": 0},
+        "extensions": {"KHR_materials_diffuse_transmission": leaf}}));
+    let whole = &scene.materials[scene.objects[0].shapes[0].material.0 as usize];
+    let Surface::Mix { materials, amount } = &whole.surface else { panic!("expected a mixture") };
+    assert_eq!(*amount, ScalarParam::constant(0.75));
+    let Surface::DiffuseTransmission { reflectance, transmittance } =
+        &scene.materials[materials[1].0 as usize].surface
+    else {
+        panic!("expected a leaf")
+    };
+    assert_eq!((reflectance.factor, transmittance.factor), (Vec3::ZERO, Vec3::Y));
+}
+
+#[test]
+fn sheen_and_anisotropy() {
+    let scene = with_material(json!({"extensions": {
+        "KHR_materials_sheen": {"sheenColorFactor": [0.5, 0.25, 1], "sheenRoughnessFactor": 0.75},
+        "KHR_materials_anisotropy": {"anisotropyStrength": 0.5, "anisotropyRotation": 1.5}
+    }}));
+    let Surface::MetalRough(surface) = &scene.materials[0].surface else {
+        panic!("expected the base material")
+    };
+    assert_eq!(
+        (surface.sheen_color.factor, surface.sheen_roughness.factor),
+        (Vec3::new(0.5, 0.25, 1.), 0.75)
+    );
+    assert_eq!((surface.anisotropy.strength, surface.anisotropy.rotation), (0.5, 1.5));
+}
+
+/// A WebP picture of 1 x 1 texel, without loss: (10, 20, 30, 255).
+fn webp() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::webp::WebPEncoder::new_lossless(&mut bytes);
+    encoder.encode(&[10, 20, 30, 255], 1, 1, image::ExtendedColorType::Rgba8).expect("memory does not fail");
+    bytes
+}
+
+#[test]
+fn pictures_of_other_kinds() {
+    let mut document = triangle();
+    document["materials"] = json!([{"emissiveTexture": {"index": 0}}]);
+    document["meshes"][0]["primitives"][0]["material"] = json!(0);
+    document["images"] = json!([{"uri": "not there.png"}, {"uri": data_uri(&webp())}]);
+    document["textures"] = json!([{"source": 0, "extensions": {"EXT_texture_webp": {"source": 1}}}]);
+    let scene = read_ok(&document).scene;
+    let Texture::Image(texture) = &scene.textures[0] else { panic!("expected a picture") };
+    let quietus_trace::desc::Texels::Srgb8(texels) = &texture.image.texels else {
+        panic!("expected colours")
+    };
+    assert_eq!(texels[..], [[10, 20, 30, 255]]);
+    document["textures"] = json!([{"extensions": {"KHR_texture_basisu": {"source": 1}}}]);
+    let error = message(&document);
+    assert!(error.contains("test.gltf: textures[0]: has nothing but a Basis Universal picture"), "{error}");
+    document["extensionsRequired"] = json!(["KHR_texture_basisu"]);
+    assert!(message(&document).contains("the file requires KHR_texture_basisu"));
+}

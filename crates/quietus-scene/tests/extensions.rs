@@ -180,9 +180,9 @@ fn draco_meshes_are_decoded() {
             );
             assert_eq!(mesh.colors[i], Vec4::new(vertex as f32, 255.0 - vertex as f32, 0.0, 255.0) / 255.0);
             let normal = Vec3::new(-y, -x, 8.0).normalize();
-            // Half a step of 10 bits in both octahedral coordinates, which a vector is up to sqrt(3) times as
-            // sensitive to once it is brought to unit length.
-            let steps = 3_f32.sqrt() * 2_f32.sqrt() / f32::from((1_u16 << 10) - 2);
+            // On an octahedron of 511 steps per unit x and y are off by up to half a step and z by both together;
+            // then the vector becomes up to sqrt(3) times as long, to have unit length.
+            let steps = (0.25_f32 + 0.25 + 1.0).sqrt() * 3_f32.sqrt() / 511.0;
             assert!(mesh.normals[i].distance(normal) <= steps, "{} {normal}", mesh.normals[i]);
         }
         assert!(seen.iter().all(|seen| *seen));

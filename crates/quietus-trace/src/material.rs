@@ -79,14 +79,6 @@ pub enum MaterialError {
         /// What was found.
         value: String,
     },
-    /// Something the description can say and the renderer does not draw.
-    #[error("material {material:?}: {what} is not supported")]
-    Unsupported {
-        /// The material's name.
-        material: String,
-        /// What it asks for.
-        what: &'static str,
-    },
     /// A texture that cannot be looked up.
     #[error(transparent)]
     Texture(#[from] TextureError),

@@ -9,6 +9,8 @@
 //!   Physically Based Shading at Imageworks").
 //! - Masking and shadowing are height-correlated.
 //!
+//! - The sheen is cut where it would reflect more than arrives, see [`sheen`](super::sheen).
+//!
 //! The whole reflects at most what arrives, and is reciprocal unless the coat has a normal of its own (which breaks
 //! the symmetry of cosines as every shading normal does: Veach 1997, section 5.3).
 
@@ -21,6 +23,7 @@ use super::{
     albedo_table::{LobeAlbedo, SplitAlbedo},
     fresnel::schlick_weight,
     ggx::Ggx,
+    sheen::Sheen,
 };
 use crate::{frame::Frame, warp};
 
@@ -36,6 +39,8 @@ pub struct MetalRoughParams {
     pub metallic: f32,
     /// Perceptual roughness, in 0..1.
     pub roughness: f32,
+    /// KHR_materials_anisotropy: how much wider the specular lobe is along x, in 0..1.
+    pub anisotropy: f32,
     /// Index of refraction of the dielectric: at least 1, or 0 for one that reflects everything.
     pub ior: f32,
     /// KHR_materials_specular: strength, in 0..1.
@@ -50,6 +55,10 @@ pub struct MetalRoughParams {
     pub clearcoat_roughness: f32,
     /// Normal of the clear coat, of unit length, in the frame of the base's normal.
     pub clearcoat_normal: Vec3,
+    /// KHR_materials_sheen: colour, in 0..1.
+    pub sheen_color: Vec3,
+    /// KHR_materials_sheen: perceptual roughness, in 0..1.
+    pub sheen_roughness: f32,
 }
 
 impl Default for MetalRoughParams {
@@ -59,6 +68,7 @@ impl Default for MetalRoughParams {
             base_color: Vec3::ONE,
             metallic: 1.0,
             roughness: 1.0,
+            anisotropy: 0.0,
             ior: 1.5,
             specular: 1.0,
             specular_color: Vec3::ONE,
@@ -66,11 +76,13 @@ impl Default for MetalRoughParams {
             clearcoat: 0.0,
             clearcoat_roughness: 0.0,
             clearcoat_normal: Vec3::Z,
+            sheen_color: Vec3::ZERO,
+            sheen_roughness: 0.0,
         }
     }
 }
 
-/// A GGX lobe with Schlick's Fresnel term, a diffuse and a thin-walled transmission lobe below it, and a GGX coat
+/// A GGX lobe with Schlick's Fresnel term, a diffuse and a thin-walled transmission lobe below it, sheen and a GGX coat
 /// above, the same from both sides.
 #[derive(Clone, Copy, Debug)]
 pub struct MetalRough {
@@ -92,6 +104,8 @@ pub struct MetalRough {
     /// Cosine-weighted means over the hemisphere: what passes the dielectric, what single scattering loses.
     mean_pass: f32,
     mean_lost: f32,
+    /// The layer above these.
+    sheen: Option<Sheen>,
     /// The layer on top.
     coat: Option<Coat>,
 }
@@ -125,8 +139,10 @@ struct Outgoing {
     albedo: SplitAlbedo,
     /// Share of light that passes the coat.
     below_coat: f32,
+    /// Share of that which passes the sheen.
+    below_sheen: f32,
     /// Probability of each lobe, in [`Lobe`]'s order.
-    p: [f32; 4],
+    p: [f32; 5],
 }
 
 /// The parts that are sampled each by its own strategy.
@@ -137,14 +153,18 @@ enum Lobe {
     Specular,
     Transmitted,
     Coat,
+    /// Sheen, uniformly: it is brightest at the horizon.
+    Sheen,
 }
 
-const LOBES: [Lobe; 4] = [Lobe::Cosine, Lobe::Specular, Lobe::Transmitted, Lobe::Coat];
+const LOBES: [Lobe; 5] = [Lobe::Cosine, Lobe::Specular, Lobe::Transmitted, Lobe::Coat, Lobe::Sheen];
 
 impl MetalRough {
     /// From the parameters at a point.
     pub fn new(p: &MetalRoughParams) -> Self {
-        let ggx = Ggx::from_roughness(p.roughness);
+        let alpha = p.roughness * p.roughness;
+        let along = alpha + (1.0 - alpha) * p.anisotropy * p.anisotropy;
+        let ggx = Ggx::new(Vec2::new(along, alpha));
         let lobe_albedo = LobeAlbedo::new(ggx);
         let mean = lobe_albedo.mean();
         let r = (p.ior - 1.0) / (p.ior + 1.0);
@@ -164,13 +184,17 @@ impl MetalRough {
             lobe_albedo,
             mean_pass: dielectric.pass(mean),
             mean_lost: mean.lost(),
+            sheen: Sheen::new(p.sheen_color, p.sheen_roughness),
             coat: Coat::new(p),
         }
     }
 
     /// Whether all lobes are delta.
     pub(super) fn is_delta(&self) -> bool {
-        self.ggx.is_none() && self.diffuse == Vec3::ZERO && self.coat.is_none_or(|c| c.ggx.is_none())
+        self.ggx.is_none()
+            && self.diffuse == Vec3::ZERO
+            && self.sheen.is_none()
+            && self.coat.is_none_or(|c| c.ggx.is_none())
     }
 
     /// Whether nothing passes through.
@@ -197,17 +221,20 @@ impl MetalRough {
         let wo = wo * 1f32.copysign(wo.z);
         let albedo = self.lobe_albedo.at(wo.z);
         let below_coat = self.coat.map_or(1.0, |c| c.pass(wo));
+        let below_sheen = self.sheen.map_or(1.0, |s| s.left(wo.z));
+        let below = below_coat * below_sheen;
         let pass = self.dielectric.pass(albedo);
         let cosine = self.diffuse * pass + self.recovered * albedo.lost();
         let specular = albedo.with(self.f0, self.f90);
         let weights = [
-            below_coat * cosine.max_element(),
-            below_coat * specular.max_element(),
-            below_coat * pass * self.transmitted.max_element(),
+            below * cosine.max_element(),
+            below * specular.max_element(),
+            below * pass * self.transmitted.max_element(),
             1.0 - below_coat,
+            below_coat * (1.0 - below_sheen),
         ];
         let sum: f32 = weights.iter().sum();
-        Outgoing { wo, albedo, below_coat, p: weights.map(|w| w / sum.max(f32::MIN_POSITIVE)) }
+        Outgoing { wo, albedo, below_coat, below_sheen, p: weights.map(|w| w / sum.max(f32::MIN_POSITIVE)) }
     }
 
     #[inline]
@@ -221,14 +248,16 @@ impl MetalRough {
     /// Value and density for `wi` turned the way `out.wo` is.
     #[inline]
     fn eval_pdf_with(&self, out: &Outgoing, wi: Vec3) -> (Vec3, f32) {
-        let [p_cosine, p_specular, p_transmitted, p_coat] = out.p;
+        let [p_cosine, p_specular, p_transmitted, p_coat, p_sheen] = out.p;
         let wo = out.wo;
         let through_coat = out.below_coat * self.coat.map_or(1.0, |c| c.pass(wi));
+        let through_sheen = self.through_sheen(out, wi);
         if wi.z < 0.0 {
             // A thin wall: the reflected lobe, mirrored.
             let Some(ggx) = self.ggx else { return (Vec3::ZERO, 0.0) };
             let (schlick, f, pdf) = reflect_lobe(ggx, wo, mirror(wi));
-            return (self.transmittance(schlick) * (f * through_coat), p_transmitted * pdf);
+            let through = through_coat * through_sheen;
+            return (self.transmittance(schlick) * (f * through), p_transmitted * pdf);
         }
         let albedo = self.lobe_albedo.at(wi.z);
         let cosine = wi.z * FRAC_1_PI;
@@ -241,6 +270,11 @@ impl MetalRough {
             let (schlick, f, lobe_pdf) = reflect_lobe(ggx, wo, wi);
             value += self.f0.lerp(self.f90, schlick) * f;
             pdf += p_specular * lobe_pdf;
+        }
+        value *= through_sheen;
+        if let Some(sheen) = &self.sheen {
+            value += sheen.eval(wo, wi);
+            pdf += p_sheen * (0.5 * FRAC_1_PI);
         }
         value *= through_coat;
         if let Some((f, lobe_pdf)) = self.coat.and_then(|c| c.eval_pdf(wo, wi)) {
@@ -261,6 +295,7 @@ impl MetalRough {
         let up = out.wo;
         let wi = match (lobe, self.ggx, self.coat) {
             (Lobe::Cosine, ..) => warp::cosine_hemisphere(u),
+            (Lobe::Sheen, ..) => warp::uniform_hemisphere(u),
             (Lobe::Specular, Some(ggx), _) => reflect(up, ggx.sample_visible(up, u)),
             (Lobe::Transmitted, Some(ggx), _) => {
                 let wi = reflect(up, ggx.sample_visible(up, u));
@@ -298,12 +333,20 @@ impl MetalRough {
             (Lobe::Specular | Lobe::Transmitted, Some(coat)) => out.below_coat * coat.pass(wi),
             _ => 1.0,
         };
+        let through_sheen = if lobe == Lobe::Coat { 1.0 } else { self.through_sheen(out, wi) };
         let transmission = lobe == Lobe::Transmitted;
         if wi.z == 0.0 || (wi.z < 0.0) != transmission {
             return None;
         }
-        let weight = value * (through_coat / p);
+        let weight = value * (through_coat * through_sheen / p);
         Some(BsdfSample { wi: wi * side, weight, pdf: p, delta: true, transmission, eta: 1.0 })
+    }
+
+    /// Share of light that reaches the layers below the sheen and leaves them again, as the extension has it: the
+    /// smaller share of both directions.
+    #[inline]
+    fn through_sheen(&self, out: &Outgoing, wi: Vec3) -> f32 {
+        self.sheen.map_or(1.0, |s| out.below_sheen.min(s.left(wi.z.abs())))
     }
 
     /// Share of light that passes a thin wall at a half vector with the given Schlick weight.

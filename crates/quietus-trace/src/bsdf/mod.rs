@@ -20,6 +20,7 @@ mod dielectric;
 pub mod hair;
 pub mod layered;
 mod metal_rough;
+mod sheen;
 mod thin;
 
 use std::f32::consts::FRAC_1_PI;

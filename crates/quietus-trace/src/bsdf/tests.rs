@@ -1,5 +1,7 @@
 //! Statistical tests of every BSDF: samplers against densities, weights, reciprocity, energy.
 
+mod witness;
+
 use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
@@ -73,7 +75,15 @@ fn layered_bsdfs() -> Vec<(String, Bsdf<'static>)> {
             MetalRoughParams { clearcoat: 0.5, clearcoat_roughness: 0.3, clearcoat_normal: tilt, ..plastic },
         ),
     ];
-    named.map(|(name, p)| (name.to_owned(), metal_rough(p))).to_vec()
+    let cloth = MetalRoughParams { sheen_color: Vec3::new(0.8, 0.4, 1.0), sheen_roughness: 0.3, ..plastic };
+    let others = [
+        ("brushed metal", MetalRoughParams { roughness: 0.4, anisotropy: 0.6, ..base }),
+        ("brushed plastic", MetalRoughParams { anisotropy: 0.9, transmission: 0.5, ..plastic }),
+        ("cloth", cloth),
+        ("coated cloth", MetalRoughParams { clearcoat: 0.6, clearcoat_roughness: 0.3, ..cloth }),
+    ];
+    let all = named.into_iter().chain(others);
+    all.map(|(name, p)| (name.to_owned(), metal_rough(p))).collect()
 }
 
 fn all_rough(least_roughness: f32) -> Vec<(String, Bsdf<'static>)> {
@@ -135,6 +145,7 @@ fn samples_follow_the_density_of_metal_rough() {
 fn random_metal_rough(rng: &mut Rng, white: bool, least_roughness: f32) -> MetalRoughParams {
     let mut often_plain = |plain: f32| if rng.next_1d() < 0.3 { plain } else { rng.next_1d() };
     let [metallic, specular, transmission, clearcoat] = [0.0, 1.0, 0.0, 0.0].map(&mut often_plain);
+    let [anisotropy, sheen, sheen_roughness] = [0.0; 3].map(&mut often_plain);
     let [roughness, clearcoat_roughness] = [0.0, 0.0].map(|r| often_plain(r).max(least_roughness));
     let tilt = Vec3::new(rng.next_1d() - 0.5, rng.next_1d() - 0.5, 1.0).normalize();
     let mut color = || Vec3::new(rng.next_1d(), rng.next_1d(), rng.next_1d());
@@ -149,6 +160,9 @@ fn random_metal_rough(rng: &mut Rng, white: bool, least_roughness: f32) -> Metal
         clearcoat,
         clearcoat_roughness,
         clearcoat_normal: if color().x < 0.5 { Vec3::Z } else { tilt },
+        anisotropy,
+        sheen_color: sheen * if white { Vec3::ONE } else { color() },
+        sheen_roughness,
     }
 }
 

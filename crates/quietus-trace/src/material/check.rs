@@ -107,9 +107,9 @@ impl Check<'_> {
     }
 
     fn metal_rough(&self, m: &desc::MetalRough) -> Result<(), MaterialError> {
-        if m.anisotropy.strength != 0.0 || m.sheen_color.factor != glam::Vec3::ZERO {
-            return Err(self.unsupported("anisotropy or sheen"));
-        }
+        let desc::Anisotropy { strength, rotation, .. } = m.anisotropy;
+        self.range("anisotropy", (0.0..=1.0).contains(&strength), "in 0..1", strength)?;
+        self.range("anisotropy's rotation", rotation.is_finite(), "finite", rotation)?;
         // KHR_materials_ior: at least 1, or 0 for "reflects everything".
         let sound = m.ior.is_finite() && (m.ior >= 1.0 || m.ior == 0.0);
         self.range("ior", sound, "finite and at least 1, or 0", m.ior)
@@ -145,10 +145,6 @@ impl Check<'_> {
             }
             _ => Ok(()),
         }
-    }
-
-    fn unsupported(&self, what: &'static str) -> MaterialError {
-        MaterialError::Unsupported { material: self.material.name.clone(), what }
     }
 
     fn range(

@@ -62,6 +62,9 @@ impl MaterialTable {
                 clearcoat: unit(&m.clearcoat),
                 clearcoat_roughness: unit(&m.clearcoat_roughness),
                 clearcoat_normal: self.clearcoat_normal(self.material(id), m, point),
+                anisotropy: self.anisotropy(m, point).0,
+                sheen_color: unit_color(&m.sheen_color),
+                sheen_roughness: unit(&m.sheen_roughness),
             })),
             surface => self.rare_bsdf(id, surface, point, key),
         }

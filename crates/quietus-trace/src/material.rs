@@ -259,6 +259,7 @@ fn is_opaque(material: &desc::Material, materials: &[desc::Material]) -> bool {
 fn needs_tangent(material: &desc::Material, materials: &[desc::Material]) -> bool {
     let anisotropic = |r: &Roughness| r.u != r.v;
     material.normal_map.is_some()
+        || material.bump.is_some()
         || match &material.surface {
             Surface::MetalRough(m) => m.clearcoat_normal.is_some() || m.anisotropy.strength != 0.0,
             Surface::Conductor { roughness, .. } | Surface::Dielectric { roughness, .. } => {

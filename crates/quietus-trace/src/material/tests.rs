@@ -1,5 +1,7 @@
 //! Materials against what their descriptions say.
 
+mod surfaces;
+
 use std::sync::Arc;
 
 use glam::{Affine2, Vec2, Vec4};

@@ -150,6 +150,11 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "F", value_parser = parse_limit)]
     pub max_component: Option<f32>,
 
+    /// Darken every contribution of light that was scattered twice or more (mirrors and glass included) to this value
+    /// on the film: fewer bright specks, but energy is lost, caustics above all. [default: off]
+    #[arg(long, value_name = "F", value_parser = parse_limit)]
+    pub clamp_indirect: Option<f32>,
+
     /// Picks the random numbers: equal seeds give equal pictures.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,

@@ -97,6 +97,7 @@ fn prepare(
     let unusable = |error: String| Failure::input(format!("{}: {error}", scene_name(args)));
     let view = View::new(camera, settings.frame, look.filter, look.max_depth, args.seed)
         .and_then(|view| view.with_exposure(look.exposure, look.max_component))
+        .and_then(|view| view.with_indirect_limit(args.clamp_indirect.unwrap_or(f32::INFINITY)))
         .map_err(|error| unusable(error.to_string()))?;
     let scene = Scene::build(&desc).map_err(|error| unusable(error.to_string()))?;
     Ok(Ready { scene, view, settings, look, report, load_seconds: start.elapsed().as_secs_f64() })
@@ -184,6 +185,9 @@ fn fault_message(
     }
     if let Some(limit) = args.max_component {
         flag("--max-component ", limit.to_string());
+    }
+    if let Some(limit) = args.clamp_indirect {
+        flag("--clamp-indirect ", limit.to_string());
     }
     flag("--seed ", args.seed.to_string());
     flag("--threads ", "1".to_owned());

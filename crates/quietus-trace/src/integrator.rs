@@ -3,7 +3,7 @@
 //! At every surface that is not perfectly smooth one light is chosen and connected to, and the path goes on in a
 //! direction drawn from the BSDF. What both ways can find is weighted by the power heuristic (Veach 1997, section
 //! 9.2.4); what only one can find, in full: lights without extent, and emitters seen after a perfectly smooth
-//! surface, which is how caustics appear. Nothing is clamped.
+//! surface, which is how caustics appear. Nothing is clamped unless the view asks for it.
 //!
 //! In scenes with media the same happens at points between surfaces: see `volume`.
 
@@ -49,6 +49,7 @@ const VERTEX_DIMENSIONS: u32 = 8;
 struct Path<'a, I> {
     isa: I,
     scene: &'a Scene,
+    view: &'a View,
     sampler: Sampler,
     /// Source of the decisions about surfaces of partial coverage, whose number is not known beforehand.
     coverage_key: u64,
@@ -93,6 +94,7 @@ pub(crate) fn sample<I: Isa>(
     let mut path = Path {
         isa,
         scene,
+        view,
         sampler,
         coverage_key,
         origin: ray.origin,
@@ -120,7 +122,7 @@ pub(crate) fn sample<I: Isa>(
                 (hit, surface)
             }
             Arrival::Nothing => {
-                path.escape();
+                path.escape(depth);
                 break;
             }
             Arrival::Scattered(medium, distance) => {
@@ -135,7 +137,7 @@ pub(crate) fn sample<I: Isa>(
         };
         surface.surface.footprint =
             scene.footprint(&hit, &surface, (path.direction, path.time), path.cone.radius);
-        let emission = path.emission(&hit, &surface);
+        let emission = path.emission(&hit, &surface, depth);
         surface.material = scene.materials.resolve(surface.material, &surface.surface, || {
             // Coverage was decided by the upper bits.
             path.bits(&hit, 2 * depth) << 24
@@ -214,9 +216,15 @@ impl<I: Isa> Path<'_, I> {
         mix64(mix64(self.coverage_key ^ place) ^ entry)
     }
 
+    /// Adds light that was scattered `scatterings` times.
+    #[inline(always)]
+    fn add(&mut self, radiance: Vec3, scatterings: u32) {
+        self.sample.radiance += self.view.limit_indirect(radiance, scatterings);
+    }
+
     /// Nothing was hit: adds the environment.
     #[inline(always)]
-    fn escape(&mut self) {
+    fn escape(&mut self, depth: u32) {
         let Some(environment) = self.scene.environment() else { return };
         let radiance = environment.radiance(self.direction);
         let weight = if self.pdf == f32::INFINITY {
@@ -227,7 +235,7 @@ impl<I: Isa> Path<'_, I> {
                 self.scene.lights.pdf_of_environment(self.isa, &self.receiver, self.direction),
             )
         };
-        self.sample.radiance += self.throughput * radiance * weight;
+        self.add(self.throughput * radiance * weight, depth - 1);
         if !self.guided {
             self.sample.albedo = radiance.min(Vec3::ONE);
         }
@@ -235,13 +243,13 @@ impl<I: Isa> Path<'_, I> {
 
     /// Adds what the surface emits towards the path; returns it.
     #[inline(always)]
-    fn emission(&mut self, hit: &Hit, surface: &Interaction) -> Vec3 {
+    fn emission(&mut self, hit: &Hit, surface: &Interaction, depth: u32) -> Vec3 {
         let materials = &self.scene.materials;
         let only_way = self.pdf == f32::INFINITY;
         if let Some(color) = materials.unlit_color(surface.material, &surface.surface) {
             // Shown, but lighting nothing: only where it is seen directly or through mirrors and glass.
             let shown = if only_way { color } else { Vec3::ZERO };
-            self.sample.radiance += self.throughput * shown;
+            self.add(self.throughput * shown, depth - 1);
             return shown;
         }
         if !materials.emits(surface.material) {
@@ -256,7 +264,7 @@ impl<I: Isa> Path<'_, I> {
                 let light_pdf = self.scene.light_pdf(self.isa, hit, surface, &self.receiver, self.direction);
                 power_heuristic(self.pdf, light_pdf)
             };
-            self.sample.radiance += self.throughput * radiance * weight;
+            self.add(self.throughput * radiance * weight, depth - 1);
         }
         radiance
     }
@@ -331,7 +339,7 @@ impl<I: Isa> Path<'_, I> {
         }
         let covers = |hit: &Hit| self.covers(hit, &ray, 2 * depth + 1);
         if !self.scene.accel.occluded(self.isa, &ray, covers) {
-            self.sample.radiance += contribution;
+            self.add(contribution, depth);
         }
         true
     }

@@ -179,7 +179,7 @@ impl Interaction {
 
 /// A triangle's corners at `time`, and how far they may be off per axis.
 #[inline(always)]
-fn corners(mesh: &Mesh, indices: [usize; 3], time: f32) -> ([Vec3; 3], Vec3) {
+pub(crate) fn corners(mesh: &Mesh, indices: [usize; 3], time: f32) -> ([Vec3; 3], Vec3) {
     let start = indices.map(|i| mesh.positions[i]);
     if mesh.end_positions.is_empty() {
         return (start, Vec3::ZERO);

@@ -2,6 +2,7 @@
 
 mod check;
 mod compile;
+mod emitters;
 #[cfg(test)]
 mod tests;
 
@@ -13,7 +14,7 @@ use crate::desc::{Geometry, MaterialId, SceneDesc};
 use crate::geometry::motion::Motion;
 use crate::interaction::{Interaction, Placement, footprint, surface_point};
 use crate::isa::Isa;
-use crate::light::{Environment, Found, LightSample, Lights, Receiver};
+use crate::light::{AreaLight, Environment, Found, LightSample, Lights, Receiver};
 use crate::material::{MaterialError, MaterialTable};
 use crate::medium::{Border, Inside, Medium};
 use crate::texture::Footprint;
@@ -242,13 +243,55 @@ impl Scene {
         u_light: f32,
         u: Vec2,
     ) -> Option<LightSample> {
-        match self.lights.sample(isa, receiver, u_light, u)? {
+        let found = match self.lights.sample(isa, receiver, u_light, u)? {
+            Found::Moving(number, probability) => self.sample_moving(number, probability, receiver, u)?,
+            found => found,
+        };
+        match found {
             Found::Light(sample) => Some(sample),
             Found::Varying(sample, hit) => {
                 let ray = Ray::new(receiver.position, sample.direction, receiver.time);
                 Some(LightSample { radiance: self.visible_emission(&hit, &ray), ..sample })
             }
+            Found::Moving(..) => None,
         }
+    }
+
+    /// A point on a light that moves, where it is at the receiver's time.
+    #[cold]
+    fn sample_moving(&self, number: u32, probability: f32, receiver: &Receiver, u: Vec2) -> Option<Found> {
+        let emitter = self.lights.moving(number);
+        let light = self.moving_light(emitter.instance, emitter.shape, emitter.primitive, receiver.time)?;
+        let (area, at) = light.sample(receiver.position, u)?;
+        emitter.found(&area, probability, receiver.position, at)
+    }
+
+    /// A primitive as a light, where it is at `time`.
+    fn moving_light(&self, instance: u32, shape: u32, primitive: u32, time: f32) -> Option<AreaLight> {
+        let (placed, shape) = self.shape(instance, shape);
+        let mut moved = None;
+        let to_world = &self.placement(placed, time, &mut moved).to_world;
+        emitters::area_light(&shape.geometry, shape.flipped, primitive, to_world, time)
+    }
+
+    /// Density for what moves: see [`Self::light_pdf`].
+    #[cold]
+    fn moving_light_pdf<I: Isa>(
+        &self,
+        isa: I,
+        number: u32,
+        hit: &Hit,
+        surface: &Interaction,
+        receiver: &Receiver,
+        direction: Vec3,
+    ) -> f32 {
+        let Some(light) = self.moving_light(hit.instance, hit.shape, hit.primitive, receiver.time) else {
+            return 0.0;
+        };
+        let distance = surface.position.distance(receiver.position);
+        let place = (surface.geometric_normal, Vec2::new(hit.u, hit.v));
+        let probability = self.lights.probability_of_moving(isa, number, receiver);
+        probability * light.pdf(receiver.position, (direction, distance), place)
     }
 
     /// Emission times coverage where `ray` meets a side that emits.
@@ -276,6 +319,10 @@ impl Scene {
         let first = self.first_lights[(placed.first_slot + hit.shape) as usize];
         if first == NO_LIGHT {
             return 0.0;
+        }
+        if self.moves && (placed.motion != STILL || emitters::is_deforming(&shape.geometry)) {
+            let number = first + hit.primitive;
+            return self.moving_light_pdf(isa, number, hit, surface, receiver, direction);
         }
         let distance = surface.position.distance(receiver.position);
         match shape.geometry {

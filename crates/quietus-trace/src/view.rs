@@ -24,6 +24,9 @@ pub enum ViewError {
     /// A largest component that lets nothing through.
     #[error("samples are limited to {0}; expected a number above 0")]
     MaxComponent(f32),
+    /// A limit that lets no indirect light through.
+    #[error("indirect light is limited to {0}; expected a number above 0")]
+    IndirectLimit(f32),
 }
 
 /// Settings of one picture, checked and prepared.
@@ -33,6 +36,8 @@ pub struct View {
     pub(crate) filter: FilterSampler,
     pub(crate) exposure: Vec3,
     pub(crate) max_component: f32,
+    /// See [`Self::with_indirect_limit`].
+    pub(crate) indirect_limit: f32,
     pub(crate) max_depth: u32,
     pub(crate) seed: u64,
     /// The medium the camera stands in.
@@ -60,6 +65,7 @@ impl View {
             filter: FilterSampler::new(filter)?,
             exposure: Vec3::ONE,
             max_component: f32::INFINITY,
+            indirect_limit: f32::INFINITY,
             max_depth,
             seed,
             medium: Inside::new(camera.medium),
@@ -80,6 +86,29 @@ impl View {
             return Err(ViewError::MaxComponent(max_component));
         }
         Ok(Self { exposure, max_component, ..self })
+    }
+
+    /// The same view in which every contribution of light that was scattered twice or more on its way, mirrors and
+    /// glass included, is darkened until none of its components, exposed, is above `limit`. That loses energy, caustics
+    /// above all, and with them the bright specks of paths that are rarely found; infinity lets all through.
+    ///
+    /// # Errors
+    /// A limit that is not above 0.
+    pub fn with_indirect_limit(self, limit: f32) -> Result<Self, ViewError> {
+        if !(limit > 0.0) {
+            return Err(ViewError::IndirectLimit(limit));
+        }
+        Ok(Self { indirect_limit: limit, ..self })
+    }
+
+    /// What is left of light that was scattered `scatterings` times.
+    #[inline(always)]
+    pub(crate) fn limit_indirect(&self, radiance: Vec3, scatterings: u32) -> Vec3 {
+        if self.indirect_limit == f32::INFINITY || scatterings < 2 {
+            return radiance;
+        }
+        let most = (radiance * self.exposure).max_element();
+        if most > self.indirect_limit { radiance * (self.indirect_limit / most) } else { radiance }
     }
 
     /// What a sample of `radiance` puts on the film.
@@ -117,5 +146,22 @@ mod tests {
         let view = view.with_exposure(Vec3::new(0.5, 1.0, 2.0), 8.0).expect("a sound exposure");
         assert_eq!(view.expose(Vec3::splat(2.0)), Vec3::new(1.0, 2.0, 4.0));
         assert_eq!(view.expose(Vec3::splat(16.0)), Vec3::new(2.0, 4.0, 8.0));
+    }
+
+    /// Only what was scattered twice is limited, by how bright it is on the film, and keeps its hue.
+    #[test]
+    fn indirect_light_is_limited_on_demand() {
+        let camera = desc::Camera::perspective("", Affine3A::IDENTITY, 1.0);
+        let view = View::new(&camera, [4, 4], Filter::BOX, 1, 0).expect("a sound view");
+        let bright = Vec3::new(1.0, 2.0, 1e30);
+        assert_eq!(view.limit_indirect(bright, 9), bright);
+        for bad in [f32::NAN, -1.0, 0.0] {
+            assert!(view.clone().with_indirect_limit(bad).is_err());
+        }
+        let view = view.with_exposure(Vec3::splat(2.0), f32::INFINITY).expect("a sound exposure");
+        let view = view.with_indirect_limit(8.0).expect("a sound limit");
+        assert_eq!(view.limit_indirect(bright, 1), bright);
+        assert_eq!(view.limit_indirect(Vec3::new(1.0, 2.0, 4.0), 2), Vec3::new(1.0, 2.0, 4.0));
+        assert_eq!(view.limit_indirect(Vec3::new(1.0, 2.0, 16.0), 2), Vec3::new(0.25, 0.5, 4.0));
     }
 }

@@ -1,5 +1,6 @@
 //! Scenes whose answer can be derived, drawn by the whole tracer.
 
+mod emitters;
 mod motion;
 mod shapes;
 mod surfaces;

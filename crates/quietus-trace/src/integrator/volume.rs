@@ -50,7 +50,8 @@ impl<J: Isa> Job for Travel<'_, '_, J> {
             let hit = scene.accel.closest(path.isa, &ray, filter);
             let length = hit.map_or(f32::INFINITY, |hit| hit.t);
             if let Some(medium) = path.inside.of(&scene.media) {
-                path.sample.radiance += path.throughput * flight.passage.weight() * medium.emitted(length);
+                let emitted = path.throughput * flight.passage.weight() * medium.emitted(length);
+                path.add(emitted, depth - 1);
                 if let Some(scattered) = flight.fly(medium, length) {
                     path.throughput *= scattered.weight;
                     path.origin += scattered.distance * path.direction;
@@ -147,7 +148,7 @@ impl<I: Isa> Path<'_, I> {
         }
         let passage = self.passage(ray, *inside, *carried);
         let weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, pdf * passage.probability()) };
-        self.sample.radiance += contribution * passage.transmittance() * (weight / light.pdf);
+        self.add(contribution * passage.transmittance() * (weight / light.pdf), depth);
         true
     }
 

@@ -45,7 +45,7 @@ impl Receiver {
 
 /// Bounds of one light, or of several.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LightBounds {
+pub(crate) struct LightBounds {
     pub(super) bounds: Bounds,
     /// Axis of the cone of directions that light is sent around, of unit length.
     pub(super) axis: Vec3,
@@ -88,6 +88,11 @@ impl LightBounds {
             power: self.power + other.power,
             two_sided: self.two_sided || other.two_sided,
         }
+    }
+
+    /// Of one light in two places at different times.
+    pub(crate) fn snapshot(&self, other: &Self) -> Self {
+        Self { power: self.power.max(other.power), ..self.union(other) }
     }
 
     /// Radiant intensity if the power were spread over the cone with the cosine by which it is bounded.

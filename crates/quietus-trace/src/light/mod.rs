@@ -1,7 +1,7 @@
 //! Lights, and how next-event estimation finds them.
 //!
-//! All lights stand in one order: emissive triangles, whole spheres, other surfaces, lights without extent, the
-//! environment. A light is chosen by [`LightSelector`], then a direction to it. Densities are per steradian at the point that
+//! All lights stand in one order: emissive triangles, whole spheres, other surfaces, surfaces that move, lights
+//! without extent, the environment. A light is chosen by [`LightSelector`], then a direction to it. Densities are per steradian at the point that
 //! asks; for a light that also has a surface (or surrounds the scene) the same density can be had for a direction
 //! found otherwise, which multiple importance sampling needs.
 
@@ -23,8 +23,7 @@ use glam::{Vec2, Vec3};
 use crate::bvh::Hit;
 use crate::desc;
 use crate::isa::Isa;
-use bounds::LightBounds;
-pub(crate) use bounds::Receiver;
+pub(crate) use bounds::{LightBounds, Receiver};
 pub(crate) use environment::Environment;
 pub(crate) use punctual::PunctualLight;
 use select::LightSelector;
@@ -97,7 +96,65 @@ pub(crate) struct Emitter<G> {
     pub(crate) two_sided: bool,
 }
 
+/// An emissive surface of any kind.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum AreaLight {
+    Triangle(TriangleLight),
+    Sphere(SphereLight),
+    Surface(SurfaceLight),
+}
+
+impl AreaLight {
+    /// Where `emitter`, which has this geometry, shines to.
+    pub(crate) fn bounds<G>(&self, emitter: &Emitter<G>) -> LightBounds {
+        match self {
+            Self::Triangle(triangle) => triangle.bounds(emitter),
+            Self::Sphere(sphere) => sphere.bounds(emitter),
+            Self::Surface(surface) => surface.bounds(emitter),
+        }
+    }
+
+    /// Some point of it for every `u`, and what [`Hit`] calls u and v.
+    pub(crate) fn point(&self, u: Vec2) -> (Vec3, Vec2) {
+        match self {
+            Self::Triangle(triangle) => triangle.point(u),
+            Self::Sphere(sphere) => (sphere.point(u), Vec2::ZERO),
+            Self::Surface(surface) => (surface.point(u), u),
+        }
+    }
+
+    /// A point seen from `from`, and what [`Hit`] calls u and v.
+    pub(crate) fn sample(&self, from: Vec3, u: Vec2) -> Option<(AreaSample, Vec2)> {
+        match self {
+            Self::Triangle(triangle) => triangle.sample(from, u),
+            Self::Sphere(sphere) => Some((sphere.sample(from, u)?, Vec2::ZERO)),
+            Self::Surface(surface) => Some((surface.sample(from, u)?, u)),
+        }
+    }
+
+    /// Density per steradian with which [`Self::sample`] chooses the point at `distance` along `direction`, where
+    /// the surface has this normal and, if it is a patch, these parameters.
+    pub(crate) fn pdf(
+        &self,
+        from: Vec3,
+        (direction, distance): (Vec3, f32),
+        (normal, at): (Vec3, Vec2),
+    ) -> f32 {
+        match self {
+            Self::Triangle(triangle) => triangle.pdf(direction, distance),
+            Self::Sphere(sphere) => sphere.pdf(from, direction),
+            Self::Surface(surface) => surface.pdf(direction, distance, normal, at),
+        }
+    }
+}
+
 impl<G> Emitter<G> {
+    /// The same with another geometry.
+    pub(crate) fn with<H>(&self, geometry: H) -> Emitter<H> {
+        let Self { instance, shape, primitive, radiance, varies, two_sided, .. } = *self;
+        Emitter { geometry, instance, shape, primitive, radiance, varies, two_sided }
+    }
+
     fn power(&self, area: f32) -> f32 {
         let sides = if self.two_sided { 2.0 } else { 1.0 };
         std::f32::consts::PI * area * sides * luminance(self.radiance)
@@ -111,6 +168,8 @@ pub(crate) enum Found {
     Light(LightSample),
     /// A point on a surface whose emission or coverage varies: `radiance` is not yet known.
     Varying(LightSample, Hit),
+    /// Light number `.0` among those that move, with the probability of its choice.
+    Moving(u32, f32),
 }
 
 /// The emissive surfaces of a scene; what is found on one of them is asked for by its number among its kind.
@@ -119,6 +178,8 @@ pub(crate) struct Emitters {
     pub(crate) triangles: Vec<Emitter<TriangleLight>>,
     pub(crate) spheres: Vec<Emitter<SphereLight>>,
     pub(crate) surfaces: Vec<Emitter<SurfaceLight>>,
+    /// What moves, with bounds of its way; its geometry is for the scene to say.
+    pub(crate) moving: Vec<Emitter<LightBounds>>,
 }
 
 /// All lights of a scene.
@@ -127,6 +188,7 @@ pub(crate) struct Lights {
     triangles: Vec<Emitter<TriangleLight>>,
     spheres: Vec<Emitter<SphereLight>>,
     surfaces: Vec<Emitter<SurfaceLight>>,
+    moving: Vec<Emitter<LightBounds>>,
     punctual: Vec<PunctualLight>,
     environment: Option<Environment>,
     selector: LightSelector,
@@ -135,7 +197,7 @@ pub(crate) struct Lights {
 impl Lights {
     /// Collects the lights of a scene.
     pub(crate) fn new(
-        Emitters { triangles, spheres, surfaces }: Emitters,
+        Emitters { triangles, spheres, surfaces, moving }: Emitters,
         lights: &[desc::Light],
         environment: Option<&desc::Environment>,
     ) -> Self {
@@ -146,11 +208,12 @@ impl Lights {
         let mut local: Vec<LightBounds> = triangles.iter().map(|t| t.geometry.bounds(t)).collect();
         local.extend(spheres.iter().map(|s| s.geometry.bounds(s)));
         local.extend(surfaces.iter().map(|s| s.geometry.bounds(s)));
+        local.extend(moving.iter().map(|m| m.geometry));
         local.extend(punctual[..near].iter().map(PunctualLight::bounds));
         let mut infinite: Vec<f32> = punctual[near..].iter().map(PunctualLight::power).collect();
         infinite.extend(environment.iter().map(Environment::mean_irradiance));
         let selector = LightSelector::new(&local, &infinite);
-        Self { triangles, spheres, surfaces, punctual, environment, selector }
+        Self { triangles, spheres, surfaces, moving, punctual, environment, selector }
     }
 
     /// The environment, if there is one.
@@ -178,6 +241,10 @@ impl Lights {
             return emitter.found(&emitter.geometry.sample(from, u)?, probability, from, u);
         }
         let index = index - self.surfaces.len();
+        if index < self.moving.len() {
+            return Some(Found::Moving(index as u32, probability));
+        }
+        let index = index - self.moving.len();
         let sample = match self.punctual.get(index) {
             Some(light) => light.sample(from),
             None => self.environment.as_ref()?.sample(u),
@@ -230,11 +297,23 @@ impl Lights {
         probability * self.surfaces[index as usize].geometry.pdf(direction, distance, normal, at)
     }
 
+    /// Light number `index` among those that move.
+    pub(crate) fn moving(&self, index: u32) -> &Emitter<LightBounds> {
+        &self.moving[index as usize]
+    }
+
+    /// The probability with which [`Self::sample`] chooses light number `index` among those that move.
+    pub(crate) fn probability_of_moving<I: Isa>(&self, isa: I, index: u32, receiver: &Receiver) -> f32 {
+        let light = self.triangles.len() + self.spheres.len() + self.surfaces.len() + index as usize;
+        self.selector.probability(isa, receiver, light as u32)
+    }
+
     /// Density with which [`Self::sample`] chooses the environment in `direction`.
     #[inline(always)]
     pub(crate) fn pdf_of_environment<I: Isa>(&self, isa: I, receiver: &Receiver, direction: Vec3) -> f32 {
         let Some(environment) = &self.environment else { return 0.0 };
-        let light = self.triangles.len() + self.spheres.len() + self.surfaces.len() + self.punctual.len();
+        let surfaces = self.triangles.len() + self.spheres.len() + self.surfaces.len() + self.moving.len();
+        let light = surfaces + self.punctual.len();
         self.selector.probability(isa, receiver, light as u32) * environment.pdf(direction)
     }
 }
@@ -242,7 +321,7 @@ impl Lights {
 impl<G> Emitter<G> {
     /// Completes a point on the surface; none where its side is dark. `at` is what [`Hit`] calls u and v.
     #[inline]
-    fn found(&self, area: &AreaSample, probability: f32, from: Vec3, at: Vec2) -> Option<Found> {
+    pub(crate) fn found(&self, area: &AreaSample, probability: f32, from: Vec3, at: Vec2) -> Option<Found> {
         if !(area.front || self.two_sided) {
             return None;
         }

@@ -61,6 +61,11 @@ impl SphereLight {
         if sin2 < INSIDE { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 }
     }
 
+    /// The point at `u`, evenly spread unless the transform stretches it.
+    pub(super) fn point(&self, u: Vec2) -> Vec3 {
+        self.to_world.transform_point3(self.center + self.radius * warp::uniform_sphere(u))
+    }
+
     /// A point seen from `from`.
     #[inline]
     pub(crate) fn sample(&self, from: Vec3, u: Vec2) -> Option<AreaSample> {

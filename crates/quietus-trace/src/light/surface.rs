@@ -34,14 +34,6 @@ struct Point {
 impl QuadricLight {
     /// `quadric` under an invertible transform.
     pub(crate) fn new(quadric: Quadric, to_world: Affine3A, flipped: bool) -> Self {
-        let quadric = match quadric {
-            // Heights may reach beyond the poles.
-            Quadric::PartialSphere { radius, z_min, z_max, phi_max } => {
-                let [z_min, z_max] = [z_min, z_max].map(|z| z.clamp(-radius, radius));
-                Quadric::PartialSphere { radius, z_min, z_max, phi_max }
-            }
-            other => other,
-        };
         let object_area = match quadric {
             Quadric::Disk { radius, inner_radius, phi_max, .. } => {
                 0.5 * phi_max * (radius * radius - inner_radius * inner_radius)
@@ -209,6 +201,14 @@ impl SurfaceLight {
             Self::Patch(patch) => (patch.bounds(), patch.area()),
         };
         LightBounds::surface(bounds, axis, theta_o, emitter.power(area), emitter.two_sided)
+    }
+
+    /// The point at `u`.
+    pub(super) fn point(&self, u: Vec2) -> Vec3 {
+        match self {
+            Self::Quadric(quadric) => quadric.sample(u).0.position,
+            Self::Patch(patch) => patch.sample(u).0.position,
+        }
     }
 
     /// A point seen from `from`.

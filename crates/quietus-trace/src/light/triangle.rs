@@ -45,11 +45,17 @@ impl TriangleLight {
         LightBounds::surface(bounds, self.normal, 0.0, emitter.power(self.area), emitter.two_sided)
     }
 
+    /// The point at `u`, and barycentric coordinates of the second and third corner.
+    #[inline]
+    pub(super) fn point(&self, u: Vec2) -> (Vec3, Vec2) {
+        let b = warp::triangle(u);
+        (self.corner + b.x * self.edges[0] + b.y * self.edges[1], b)
+    }
+
     /// A point seen from `from`, and barycentric coordinates of the second and third corner.
     #[inline]
     pub(crate) fn sample(&self, from: Vec3, u: Vec2) -> Option<(AreaSample, Vec2)> {
-        let b = warp::triangle(u);
-        let position = self.corner + b.x * self.edges[0] + b.y * self.edges[1];
+        let (position, b) = self.point(u);
         let to_light = position - from;
         let distance2 = to_light.length_squared();
         let direction = to_light / distance2.sqrt();

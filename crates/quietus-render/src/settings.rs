@@ -9,7 +9,7 @@ use quietus_film::Window;
 /// How samples are spread over the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Sampling {
-    /// The talk's tree over what one more sample is worth, with exact masks; the picture does not depend on threads.
+    /// A quota of samples for each pixel, by the noise that a tree pools; the picture does not depend on threads.
     #[default]
     Quietus,
     /// Counts from pilots of other pixels only: every pixel's mean is unbiased.

@@ -114,26 +114,40 @@ fn dammertz(replicates: &[ReplicateMean<'_>]) -> Option<f64> {
     Some(if has_alpha { mean_and_standard_error(replicates, 3).1 } else { 0.0 })
 }
 
-/// Samples at which [`SampleWorth`] equals [`DammertzMetric`]: a target means about the same to both in a picture
-/// of this many samples per pixel.
+/// Samples at which the target error has the meaning that Dammertz et al. gave to it, for policies that deal counts
+/// instead of stopping at an error: in a picture of this many samples per pixel a target means about the same to all.
 pub const NOMINAL_SAMPLES: f64 = 64.0;
 
-/// What one more sample of the pixel is worth: the error of [`DammertzMetric`] over the square root of the samples
-/// it took to get there, `e_p sqrt(64 / n)`.
-///
-/// Samples that minimise the sum of squared errors `v_p / n_p` for a given sum of counts `n_p` are dealt so that
-/// `v_p / n_p^2 = e_p^2 / n_p` is the same everywhere (Lagrange): counts are then in proportion to `sqrt(v_p)`.
-/// Stopping at an equal *error* instead makes counts proportional to `v_p`, which spends too much where noise is
-/// strongest.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct SampleWorth;
+/// What a channel's mean is raised by before the noise is set against it, in [`SampleNoise`]: keeps the noise of
+/// near-black pixels finite. One part in a hundred of white is displayed as a tenth.
+const DARKEST: f64 = 0.01;
 
-impl ErrorMetric for SampleWorth {
+/// The noise of a single sample of the pixel, as it is displayed: for channels R, G, B
+///
+/// ```text
+/// v_p = n sum_c s_c^2 / (I_c + 0.01)
+/// ```
+///
+/// with I the mean of all n samples and s its standard error, estimated from the differences between replicates.
+/// `v_p / n` is about the square of the error of Dammertz et al. 2010, summed over channels in squares.
+///
+/// It belongs to the pixel and not to the number of its samples: neighbours that stopped at different numbers can
+/// be averaged. The policy `quietus` does, and divides by a pixel's own samples afterwards.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SampleNoise;
+
+impl ErrorMetric for SampleNoise {
     fn pixel_error(&self, replicates: &[ReplicateMean<'_>]) -> PixelError {
+        if replicates.iter().filter(|r| r.count > 0).count() < 2 {
+            return PixelError::REJECTED;
+        }
         let samples: f64 = replicates.iter().map(|r| f64::from(r.count)).sum();
-        dammertz(replicates).map_or(PixelError::REJECTED, |error| {
-            PixelError::from_f32((error * (NOMINAL_SAMPLES / samples).sqrt()) as f32)
-        })
+        let noise = |channel| {
+            let (mean, standard_error) = mean_and_standard_error(replicates, channel);
+            // Filters with negative lobes can leave a negative mean.
+            standard_error.powi(2) / (mean.max(0.0) + DARKEST)
+        };
+        PixelError::from_f32((samples * (0..3).map(noise).sum::<f64>()) as f32)
     }
 }
 
@@ -178,16 +192,20 @@ mod tests {
     }
 
     #[test]
-    fn worth_of_a_sample_falls_faster_than_the_error() {
-        let (a, b) = ([0.2, 0.5, 0.7, 1.0], [0.4, 0.4, 0.1, 1.0]);
-        let worth = |count| {
-            SampleWorth
-                .pixel_error(&[ReplicateMean { count, channels: &a }, ReplicateMean { count, channels: &b }])
+    fn noise_of_a_sample_is_its_variance_over_the_mean() {
+        // Halves of 8 samples at 0.2 and 0.4: s = 0.1, n s^2 = 0.16, over 0.3 + 0.01.
+        let (a, b) = ([0.2, 0.5, 0.0, 1.0], [0.4, 0.5, 0.0, 0.0]);
+        let noise = |count, a: &[f32], b: &[f32]| {
+            let half = |channels| ReplicateMean { count, channels };
+            SampleNoise.pixel_error(&[half(a), half(b)])
         };
-        assert_eq!(worth(32), error(&[(32, a), (32, b)]));
-        // The same difference of halves from four times the samples: half the worth, up to rounding.
-        assert!(worth(32).steps().abs_diff(2 * worth(128).steps()) <= 1);
-        assert_eq!(worth(0), PixelError::REJECTED);
+        assert_eq!(noise(8, &a, &b), PixelError::from_f32(0.16 / 0.31));
+        // The same difference of halves from four times the samples: four times the noise of each.
+        assert_eq!(noise(32, &a, &b), PixelError::from_f32(4.0 * 0.16 / 0.31));
+        assert_eq!(noise(0, &a, &b), PixelError::REJECTED);
+        assert_eq!(noise(8, &[0.0; 3], &[0.0; 3]), PixelError::ZERO);
+        assert_eq!(noise(8, &[-0.1; 3], &[0.1; 3]), PixelError::from_f32(3.0 * 0.16 / 0.01));
+        assert_eq!(noise(8, &[0.0; 3], &[1e38; 3]), PixelError::MAX);
     }
 
     #[test]

@@ -110,7 +110,7 @@ pub use coordinator::{
     AdaptiveSampling, Checks, MAX_FRAME_PIXELS, PixelWork, RebuildRecord, Settings, SettingsError,
     Statistics, Visit, Worker,
 };
-pub use error_metric::{DammertzMetric, ErrorMetric, PixelError, ReplicateMean, SampleWorth};
+pub use error_metric::{DammertzMetric, ErrorMetric, PixelError, ReplicateMean, SampleNoise};
 pub use error_plane::ErrorPlane;
 pub use pass_schedule::{PassCounts, PassSchedule, replicate_share};
 pub use pixel_rect::{Area, Axis, PixelRect};

@@ -5,12 +5,7 @@
 //! they are now, a newly found feature pulls the split lines towards itself, and neighbours that were complete
 //! get area that is not, and are sampled again.
 
-use crate::{
-    PixelRect, active_mask,
-    pixel_rect::{Area, Axis},
-    region_error::region_error,
-    summed_area::ErrorSums,
-};
+use crate::{PixelRect, active_mask, pixel_rect::Area, region_error::region_error, summed_area::ErrorSums};
 
 /// A node is complete only where its longer side is below this many pixels: a large quiet area is split further,
 /// so that a feature found in it later re-opens little.
@@ -73,40 +68,52 @@ impl RegionTree {
     /// - else split along the longer axis where `e_R < 256 eps` and `s > 2 * 1.272`;
     /// - else an active leaf.
     pub fn rebuild(&mut self, sums: &impl ErrorSums, settings: &TreeSettings) {
+        self.grow(sums.bounds().into(), (), |area, ()| {
+            // The sum runs over all pixels of the outward-rounded rectangle and is set against the real-valued area,
+            // as published practice has it.
+            let sum = sums.sum(&area.rounded_outward());
+            let error = region_error(sum, area.pixels(), settings.frame_area);
+            let side = area.longer_side();
+            let complete = error < settings.target_error && side < MAX_COMPLETE_SIDE;
+            let splits = !complete && error < SPLIT_FACTOR * settings.target_error && side > 2.0 * MIN_SIDE;
+            let split = splits.then(|| (split_position(area, sums, sum, settings.split), ()));
+            Grown { error, complete, split }
+        });
+    }
+
+    /// Builds the tree anew from `root` down, by what `judge` says of each node's area and of what its parent has
+    /// left to it: `inheritance` for the root.
+    pub(crate) fn grow<I: Copy>(
+        &mut self,
+        root: Area,
+        inheritance: I,
+        mut judge: impl FnMut(&Area, I) -> Grown<I>,
+    ) {
         self.nodes.clear();
         // Depth first: a node's children are split while its part of the sums is still in the cache.
         let mut open = Vec::with_capacity(64);
-        self.add(sums.bounds().into(), sums, settings, &mut open);
-        while let Some((index, sum)) = open.pop() {
+        let mut add = |nodes: &mut Vec<Node>, open: &mut Vec<_>, area: Area, inheritance| {
+            let Grown { error, complete, split } = judge(&area, inheritance);
+            open.extend(split.map(|split| (nodes.len(), split)));
+            nodes.push(Node { area, error, children: None, complete });
+        };
+        add(&mut self.nodes, &mut open, root, inheritance);
+        while let Some((index, (position, inheritance))) = open.pop() {
             let area = self.nodes[index].area;
-            let axis = area.longer_axis();
-            let (first, second) = area.split(axis, split_position(&area, axis, sums, sum, settings.split));
+            let (first, second) = area.split(area.longer_axis(), position);
             self.nodes[index].children = Some(self.nodes.len() as u32);
-            self.add(first, sums, settings, &mut open);
-            self.add(second, sums, settings, &mut open);
+            add(&mut self.nodes, &mut open, first, inheritance);
+            add(&mut self.nodes, &mut open, second, inheritance);
         }
         self.mark_complete_parents();
     }
 
-    /// Adds a leaf over `area`, and to `open` its index and the sum of its errors where it is to be split.
-    ///
-    /// The sum runs over all pixels of the outward-rounded rectangle and is set against the real-valued area, as
-    /// published practice has it.
-    fn add(
-        &mut self,
-        area: Area,
-        sums: &impl ErrorSums,
-        settings: &TreeSettings,
-        open: &mut Vec<(usize, u64)>,
-    ) {
-        let sum = sums.sum(&area.rounded_outward());
-        let error = region_error(sum, area.pixels(), settings.frame_area);
-        let side = area.longer_side();
-        let complete = error < settings.target_error && side < MAX_COMPLETE_SIDE;
-        if !complete && error < SPLIT_FACTOR * settings.target_error && side > 2.0 * MIN_SIDE {
-            open.push((self.nodes.len(), sum));
+    /// Decides anew which leaves are complete, by their areas.
+    pub(crate) fn mark_complete(&mut self, is_complete: impl Fn(&Area) -> bool) {
+        for leaf in self.nodes.iter_mut().filter(|node| node.children.is_none()) {
+            leaf.complete = is_complete(&leaf.area);
         }
-        self.nodes.push(Node { area, error, children: None, complete });
+        self.mark_complete_parents();
     }
 
     /// Inner nodes are complete when both children are. Children stand after their parents.
@@ -164,10 +171,21 @@ impl RegionTree {
     }
 }
 
-/// Where the error on both sides is equal: the half-way point of the running sum of marginal errors, linear
+/// What became of a node, and of its children's inheritance.
+pub(crate) struct Grown<I> {
+    /// Its error.
+    pub(crate) error: f64,
+    /// Whether it is complete, where it stays a leaf.
+    pub(crate) complete: bool,
+    /// Where its longer axis is to be split, and what its children inherit; `None` for a leaf.
+    pub(crate) split: Option<(f64, I)>,
+}
+
+/// Where, on its longer axis, the error on both sides is equal: the half-way point of the running sum of marginal errors, linear
 /// inside the column (row) that holds it, clamped so that each side keeps at least [`MIN_SIDE`]. The middle,
 /// where there is no error at all. `total` is the sum of the errors.
-fn split_position(area: &Area, axis: Axis, sums: &impl ErrorSums, total: u64, split: Split) -> f64 {
+pub(crate) fn split_position(area: &Area, sums: &impl ErrorSums, total: u64, split: Split) -> f64 {
+    let axis = area.longer_axis();
     let (start, end) = area.bounds(axis);
     let rect = area.rounded_outward();
     let position = match sums.half_way(&rect, axis, total) {

@@ -1,11 +1,15 @@
-//! Sums of errors over rectangles: plainly, as the talk's renderer does, and by a summed-area table.
+//! Sums of errors, or of samples, over rectangles: plainly, as the talk's renderer does, and by a summed-area table.
 //!
 //! Rebuilding a tree asks two questions of each node: the sum of its errors, and the column (row) in which half
 //! of that sum is reached. [`Resummed`] answers both by adding pixels, at every level of the tree anew.
 //! [`SummedArea`] (Crow 1984, *Summed-Area Tables for Texture Mapping*) answers the first in constant, the
 //! second in logarithmic time. Errors are integers, so both give the same answers exactly.
 
-use crate::{Axis, ErrorPlane, PixelRect, error_plane::steps};
+use crate::{
+    Axis, ErrorPlane, PixelRect,
+    error_plane::{samples, steps},
+    sync::AtomicU32,
+};
 
 /// Where the running sum of marginal errors reaches half of the total.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +46,12 @@ impl Resummed {
     /// Takes the errors of `rect`; memory of an earlier use is kept.
     pub fn load(&mut self, plane: &ErrorPlane, rect: PixelRect) {
         plane.copy_rect(&rect, &mut self.errors);
+        self.bounds = Some(rect);
+    }
+
+    /// Takes the numbers of samples of `rect` in place of the errors.
+    pub fn load_samples(&mut self, plane: &ErrorPlane, rect: PixelRect) {
+        plane.copy_samples(&rect, &mut self.errors);
         self.bounds = Some(rect);
     }
 
@@ -99,6 +109,21 @@ pub struct SummedArea {
 impl SummedArea {
     /// Takes the errors of `rect`; memory of an earlier use is kept.
     pub fn load(&mut self, plane: &ErrorPlane, rect: PixelRect) {
+        self.fill(rect, |y| plane.row(y, rect.x0, rect.x1), steps);
+    }
+
+    /// Takes the numbers of samples of `rect` in place of the errors.
+    pub fn load_samples(&mut self, plane: &ErrorPlane, rect: PixelRect) {
+        self.fill(rect, |y| plane.samples_row(y, rect.x0, rect.x1), samples);
+    }
+
+    /// Sums `value` of the slots of `rect`, whose rows come in spans with their first columns.
+    fn fill<'a, Row: Iterator<Item = (u32, &'a [AtomicU32])>>(
+        &mut self,
+        rect: PixelRect,
+        row: impl Fn(u32) -> Row,
+        value: impl Fn(&AtomicU32) -> u32,
+    ) {
         self.bounds = Some(rect);
         let stride = rect.width() as usize + 1;
         self.table.resize(stride * (rect.height() as usize + 1), 0);
@@ -108,11 +133,11 @@ impl SummedArea {
             let (above, here) = self.table[start..][..2 * stride].split_at_mut(stride);
             here[0] = 0;
             let mut sum = 0;
-            for (x, span) in plane.row(y, rect.x0, rect.x1) {
+            for (x, span) in row(y) {
                 let first = (x - rect.x0) as usize + 1;
                 let (above, here) = (&above[first..][..span.len()], &mut here[first..][..span.len()]);
                 for ((entry, above), error) in here.iter_mut().zip(above).zip(span) {
-                    sum += u64::from(steps(error));
+                    sum += u64::from(value(error));
                     *entry = above + sum;
                 }
             }

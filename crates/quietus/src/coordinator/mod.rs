@@ -23,7 +23,7 @@ use crate::{
     active_mask::pixels,
     inspect::tree_svg,
     morton::morton_order,
-    policy::RuleSettings,
+    policy::{Policy, RuleSettings},
     protocol::{Mode, Outcome, Protocol},
     sample_counts::SampleCounts,
     sync::Ordering,
@@ -45,8 +45,8 @@ pub struct AdaptiveSampling {
     finish: FinishRule,
     counters: Counters,
     progress: Box<[region::Progress]>,
-    /// Passes after which every pixel has its minimum of samples, or its maximum.
-    min_passes: u64,
+    /// Passes before whose end no tree is made.
+    untreed_passes: u64,
 }
 
 /// When the picture is finished.
@@ -92,7 +92,7 @@ impl AdaptiveSampling {
             finish,
             counters: Counters::default(),
             progress,
-            min_passes: settings.pass_counts().min_passes(),
+            untreed_passes: untreed_passes(&settings),
             regions,
             settings,
         })
@@ -237,5 +237,17 @@ impl AdaptiveSampling {
     /// What a pixel of `count` samples is to have after pass `pass`, over all replicates.
     fn target_count(&self, count: u32, pass: u64) -> u32 {
         self.settings.pass_counts().grown(count, pass)
+    }
+}
+
+/// Passes before whose end no tree is made: those that bring every pixel to its minimum, so that a region is not
+/// called complete before. With the policy `quietus` fewer, as tree k takes effect in pass k + lag.
+fn untreed_passes(settings: &Settings) -> u64 {
+    let passes = settings.pass_counts().min_passes();
+    match settings.mode {
+        Mode::Deterministic { lag } if settings.policy == Policy::Quietus => {
+            (passes + 1).saturating_sub(lag.into()).max(1)
+        }
+        _ => passes,
     }
 }

@@ -18,7 +18,7 @@ pub(super) struct Region {
     error_tiles: Box<[u32]>,
     /// Masks of the home tiles after the latest update.
     masks: Box<[u64]>,
-    /// Whether the rule has seen errors, which it does once every pixel has its minimum of samples.
+    /// Whether the rule has seen errors.
     is_updated: bool,
     /// How many of the latest trees are the same as the one before.
     unchanged: u64,
@@ -96,7 +96,7 @@ impl AdaptiveSampling {
             FinishRule::QuietPasses(_) => None,
         };
         if drew || !state.is_updated {
-            if self.has_minimum(state, generation) {
+            if self.may_ask_rule(state, generation) {
                 self.rebuild(index, generation, state);
             }
         } else {
@@ -114,17 +114,16 @@ impl AdaptiveSampling {
         }
     }
 
-    /// Whether every tile of the region's error area has its minimum of samples. A region may not be called
-    /// complete before.
-    fn has_minimum(&self, state: &Region, generation: u64) -> bool {
+    /// Whether every tile of the region's error area has been visited often enough for a tree to be made.
+    fn may_ask_rule(&self, state: &Region, generation: u64) -> bool {
         state.is_updated
             || match &self.finish {
                 // In this mode tree k is made after pass k of each of the tiles.
-                FinishRule::QuietPasses(_) => generation + 1 >= self.min_passes,
+                FinishRule::QuietPasses(_) => generation + 1 >= self.untreed_passes,
                 FinishRule::AtRest(_) => state
                     .error_tiles
                     .iter()
-                    .all(|&tile| self.protocol.finished_visits(tile) >= self.min_passes),
+                    .all(|&tile| self.protocol.finished_visits(tile) >= self.untreed_passes),
             }
     }
 

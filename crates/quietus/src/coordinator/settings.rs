@@ -51,7 +51,7 @@ pub struct Settings {
     pub rebuild: Rebuild,
 }
 
-/// Largest frame, in pixels: with two replicates its counts and errors take 17 GB.
+/// Largest frame, in pixels: with two replicates its counts and errors take 26 GB.
 pub const MAX_FRAME_PIXELS: u64 = 1 << 30;
 
 impl Settings {

@@ -154,9 +154,10 @@ fn same_bits_for_every_policy() {
 }
 
 /// A row of four tiles in two regions, whose errors overlap: region 0 also holds tile 2, region 1 also tile 1.
-/// Trees decide from the first pass on.
+/// Trees decide from the first pass on, by errors in steps: whoever reads a wrong one is found out.
 fn two_regions() -> Settings {
-    Settings { min_samples: 1, schedule: PassSchedule::new(2, 2, 2), ..settings(32, 8) }
+    let (policy, schedule) = (Policy::Talk, PassSchedule::new(2, 2, 2));
+    Settings { min_samples: 1, policy, schedule, ..settings(32, 8) }
 }
 
 /// Waits for `condition`, or long enough that it would have come true if the protocol let it.

@@ -84,13 +84,16 @@ impl<'w, 'a> Visit<'w, 'a> {
     /// Errors of pixels that were not to be drawn are not looked at; they keep what they had.
     pub fn finish(mut self, errors: &[PixelError; TILE_PIXELS]) {
         let (sampling, turn) = (self.sampling(), self.turn);
-        let mut merged = sampling.plane(turn.pass.saturating_sub(1)).load_tile(turn.tile);
+        let before = sampling.plane(turn.pass.saturating_sub(1));
+        let (mut merged, mut samples) = (before.load_tile(turn.tile), before.load_samples(turn.tile));
         for pixel in active_mask::pixels(self.mask) {
-            merged[usize::from(pixel)] = errors[usize::from(pixel)];
             let total = sampling.target_count(sampling.counts.pixel(turn.tile, pixel), turn.pass);
             sampling.counts.advance(turn.tile, pixel, total);
+            (merged[usize::from(pixel)], samples[usize::from(pixel)]) = (errors[usize::from(pixel)], total);
         }
-        sampling.plane(turn.pass).store_tile(turn.tile, &merged);
+        let plane = sampling.plane(turn.pass);
+        plane.store_tile(turn.tile, &merged);
+        plane.store_samples(turn.tile, &samples);
         sampling.protocol.finish(turn, true, |update| sampling.update(update));
         if let FinishRule::AtRest(rest) = &sampling.finish {
             // After the regions were told that something was drawn, so that who finds the errors at rest knows.

@@ -5,19 +5,21 @@
 
 mod dammertz;
 mod pixel;
+mod quota;
 mod tile;
 mod tree;
 mod unbiased;
 
 pub use dammertz::DammertzRule;
 pub use pixel::PixelRule;
+pub use quota::{CREDIBLE_SAMPLES, QuotaRule};
 pub use tile::TileRule;
 pub use tree::{Rebuild, TreeRule};
 pub use unbiased::UnbiasedRule;
 
 use std::sync::Arc;
 
-use crate::{DammertzMetric, ErrorMetric, ErrorPlane, PassCounts, RegionTree, Regions, SampleWorth};
+use crate::{DammertzMetric, ErrorMetric, ErrorPlane, PassCounts, RegionTree, Regions, SampleNoise};
 
 /// How sampling is steered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -33,7 +35,7 @@ pub enum Policy {
     /// The talk's tree, tiles drawn over the bounding rectangle of their active pixels as published practice
     /// does.
     Talk,
-    /// The talk's tree over [`SampleWorth`] instead of the error, drawing exactly the active pixels.
+    /// A tree that deals each pixel its number of samples, in proportion to the noise around it ([`QuotaRule`]).
     #[default]
     Quietus,
     /// Counts from pilots of other pixels only, so that every pixel's mean is unbiased ([`UnbiasedRule`]).
@@ -63,12 +65,14 @@ pub trait ActivePixels: Send + Sync {
 
 /// The state of a policy in one region.
 ///
-/// With unchanged errors an update never activates a pixel: otherwise a finished picture would not stay so.
+/// With unchanged errors, from unchanged numbers of samples, an update never activates a pixel: otherwise a finished
+/// picture would not stay so.
 pub trait StoppingRule: ActivePixels {
-    /// Takes in the errors as they are now. The coordinator calls this only once every tile of the region has
-    /// its minimum of samples; before, all pixels are active. In deterministic mode the first call is made with
-    /// the errors of pass [`PassCounts::min_passes`] - 1, the next ones with those of each pass that follows,
-    /// until a pass draws nothing in the region.
+    /// Takes in the errors as they are now. The coordinator calls this only from when every pixel of the region has its
+    /// minimum of samples, or, for the policy `quietus`, will have it by the time this takes effect; before, all pixels
+    /// are active. In deterministic mode the first call for the other policies is made with the errors of pass
+    /// [`PassCounts::min_passes`] - 1, the next ones with those of each pass that follows, until a pass draws nothing in
+    /// the region.
     fn update(&mut self, errors: &ErrorPlane);
 
     /// What the last update decided, kept as it is now: readers under a lock look into this while the rule
@@ -88,7 +92,7 @@ impl Policy {
     /// The metric that the policy is meant for; a renderer may bring another.
     pub fn metric(self) -> &'static (dyn ErrorMetric + Sync) {
         match self {
-            Self::Quietus => &SampleWorth,
+            Self::Quietus => &SampleNoise,
             _ => &DammertzMetric,
         }
     }
@@ -101,7 +105,7 @@ impl Policy {
             Self::Dammertz => Box::new(DammertzRule::new(settings, region)),
             Self::Pixel => Box::new(PixelRule::new(settings, region)),
             Self::Talk => Box::new(TreeRule::new(settings, region).filling_bounding_rectangles()),
-            Self::Quietus => Box::new(TreeRule::new(settings, region)),
+            Self::Quietus => Box::new(QuotaRule::new(settings, region)),
             Self::Unbiased => Box::new(UnbiasedRule::new(settings, region)),
         }
     }
@@ -184,6 +188,18 @@ impl HomeMasks {
     fn add_pixel(&mut self, x: u32, y: u32) {
         let slot = self.slot(x / crate::TILE_SIZE, y / crate::TILE_SIZE);
         self.masks[slot] |= 1 << (y % crate::TILE_SIZE * crate::TILE_SIZE + x % crate::TILE_SIZE);
+    }
+
+    /// Makes active the pixels of the home tiles that `is_active` names.
+    fn draw(&mut self, is_active: impl Fn(u32, u32) -> bool) {
+        self.clear();
+        for y in self.home.y0..self.home.y1 {
+            for x in self.home.x0..self.home.x1 {
+                let slot = self.slot(x / crate::TILE_SIZE, y / crate::TILE_SIZE);
+                self.masks[slot] |= u64::from(is_active(x, y))
+                    << (y % crate::TILE_SIZE * crate::TILE_SIZE + x % crate::TILE_SIZE);
+            }
+        }
     }
 
     fn is_empty(&self) -> bool {

@@ -73,7 +73,7 @@ impl UnbiasedRule {
 
 /// Samples that a pilot error of 1 asks for.
 ///
-/// [`crate::SampleWorth`] of a pixel of n samples is `e sqrt(n_0 / n) sqrt(64 / n)` where its pilot of n_0 samples had
+/// What one more sample of a pixel of n is worth is `e sqrt(n_0 / n) sqrt(64 / n)` where its pilot of n_0 samples had
 /// the error e. Counts make it the same in all pixels, so that no sample is worth more elsewhere, and as large as
 /// makes the region error of one tile the target: `worth sqrt(64 / N_img) = target`.
 fn samples_per_error(settings: &RuleSettings) -> f64 {

@@ -80,7 +80,7 @@ fn remains(sampling: &AdaptiveSampling, visits: Vec<(u64, u32, u64)>) -> Remains
 }
 
 fn settings(width: u32, height: u32) -> Settings {
-    Settings { target_error: 0.01, max_samples: 400, ..Settings::new(width, height) }
+    Settings { target_error: 0.004, max_samples: 400, ..Settings::new(width, height) }
 }
 
 fn run(
@@ -157,8 +157,12 @@ fn same_bits_for_every_policy() {
 /// Trees decide from the first pass on, by errors in steps: whoever reads a wrong one is found out.
 fn two_regions() -> Settings {
     let (policy, schedule) = (Policy::Talk, PassSchedule::new(2, 2, 2));
-    Settings { min_samples: 1, policy, schedule, ..settings(32, 8) }
+    Settings { min_samples: 1, target_error: 0.01, policy, schedule, ..settings(32, 8) }
 }
+
+/// How often a mistake is given the chance to show: on a machine with much else to do, threads may come too late to
+/// fall into it.
+const ATTEMPTS: u32 = 30;
 
 /// Waits for `condition`, or long enough that it would have come true if the protocol let it.
 fn wait_for(condition: impl Fn() -> bool) {
@@ -186,7 +190,8 @@ fn overlap_tiles_wait_for_the_neighbours_tree() {
     assert!(with_a_slow_corner(None) == alone);
     // Broken on purpose: without the condition for overlaps, tile 1 overwrites the errors that region 1 has not
     // read yet.
-    assert!(with_a_slow_corner(Some(Fault::ForgetOverlap)) != alone, "the mistake was not caught");
+    let caught = (0..ATTEMPTS).any(|_| with_a_slow_corner(Some(Fault::ForgetOverlap)) != alone);
+    assert!(caught, "the mistake was not caught");
 }
 
 /// Whether a tile was ever drawn by two threads at once, where tile 3 takes its time.
@@ -220,9 +225,13 @@ fn a_tile_is_drawn_by_one_thread_at_a_time() {
 fn a_tree_announced_before_it_is_made_is_caught() {
     let settings = Settings { mode: Mode::Deterministic { lag: 1 }, ..two_regions() };
     let (_, alone) = run(&settings, 1, |_| ());
-    let broken = AdaptiveSampling::new(settings).unwrap().with_fault(Some(Fault::PublishEarly));
-    let visits = draw(&broken, 8, |_| ());
-    assert!(remains(&broken, visits) != alone, "the mistake was not caught");
+    let caught = (0..ATTEMPTS).any(|_| {
+        let broken =
+            AdaptiveSampling::new(settings.clone()).unwrap().with_fault(Some(Fault::PublishEarly));
+        let visits = draw(&broken, 8, |_| ());
+        remains(&broken, visits) != alone
+    });
+    assert!(caught, "the mistake was not caught");
 }
 
 /// Cover and conservation: each pass visits each tile exactly once, and each region is counted out by exactly its

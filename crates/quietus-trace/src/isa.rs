@@ -85,7 +85,7 @@ pub trait Isa: Copy + Send + Sync + fmt::Debug + sealed::Sealed {
     fn lt(self, a: Self::F32x8, b: Self::F32x8) -> u32;
 
     /// Hints that `place` will be read soon.
-    fn prefetch<T>(self, place: &T);
+    fn prefetch<T>(self, place: *const T);
 
     /// Runs `job` in a function of its own that is compiled with these instructions and never inlined.
     fn outline<J: Job>(self, job: J) -> J::Output;

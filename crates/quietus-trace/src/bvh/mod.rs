@@ -15,6 +15,7 @@ use crate::geometry::motion::Motion;
 use crate::isa::Isa;
 
 mod binary;
+mod leaf;
 mod memory;
 mod singles;
 mod source;

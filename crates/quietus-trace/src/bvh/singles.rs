@@ -1,16 +1,13 @@
 //! Primitives that have a leaf each: parts of curves, patches and quadrics.
-//!
-//! They are tested one at a time, in functions of their own, so that the ray kernel's loop stays small.
 
 use rayon::prelude::*;
 
 use super::binary::{Item, Kind};
 use super::source::Placed;
 use crate::desc::{CurveKind, CurveSegment, Curves, PatchMesh, Quadric};
-use crate::geometry::curve::{self, CurvePart, CurveRay, MAX_PARTS, RibbonPart};
+use crate::geometry::curve::{self, CurvePart, MAX_PARTS, RibbonPart};
 use crate::geometry::patch::{self, Corners};
-use crate::geometry::{Candidates, quadric};
-use crate::isa::{Isa, Job};
+use crate::geometry::quadric;
 
 /// Segments in one scene's curves from which they are cut into fewer parts, which bounds their memory: half as many
 /// from each of these on.
@@ -88,49 +85,5 @@ impl Singles {
     pub(super) fn quadric(&mut self, quadric: &Quadric, id: u32, items: &mut Vec<Item>) {
         items.push(Item::new(quadric::bounds(quadric), self.solids.len() as u32, Kind::Solid));
         self.solids.push((Solid::Quadric(*quadric), id));
-    }
-}
-
-/// Asks a part of a curve or a ribbon about a ray.
-pub(super) struct CurveQuery<'a> {
-    pub(super) singles: &'a Singles,
-    pub(super) kind: Kind,
-    pub(super) index: usize,
-    pub(super) ray: &'a CurveRay,
-    pub(super) t_min: f32,
-    pub(super) t_max: f32,
-}
-
-impl Job for CurveQuery<'_> {
-    /// What was met, and what it is called.
-    type Output = Option<(Candidates, u32)>;
-
-    #[inline(always)]
-    fn run<I: Isa>(self, isa: I) -> Self::Output {
-        let (t_min, t_max) = (isa.splat(self.t_min), isa.splat(self.t_max));
-        if self.kind == Kind::Ribbon {
-            let ribbon = &self.singles.ribbons[self.index];
-            return Some((ribbon.intersect(isa, self.ray, t_min, t_max)?, ribbon.id()));
-        }
-        let curve = &self.singles.curves[self.index];
-        Some((curve.intersect(isa, self.ray, t_min, t_max)?, curve.id()))
-    }
-}
-
-impl Singles {
-    /// Asks a patch or a quadric about a ray; returns what was met and what it is called.
-    #[inline(never)]
-    pub(super) fn solid(
-        &self,
-        index: usize,
-        (origin, direction): (glam::Vec3, glam::Vec3),
-        range: (f32, f32),
-    ) -> Option<(Candidates, u32)> {
-        let (solid, id) = &self.solids[index];
-        let (t, u, v) = match solid {
-            Solid::Patch(corners) => patch::intersect(origin, direction, range, corners)?,
-            Solid::Quadric(quadric) => (quadric::intersect(origin, direction, range, quadric)?, 0.0, 0.0),
-        };
-        Some((Candidates::single(t, u, v), *id))
     }
 }

@@ -9,12 +9,11 @@ use std::mem::MaybeUninit;
 
 use glam::{Affine3A, Vec3};
 
-use super::binary::{Kind, MAX_DEPTH, WIDTH};
-use super::singles::CurveQuery;
+use super::binary::{MAX_DEPTH, WIDTH};
+use super::leaf::LeafQuery;
 use super::source::FILTERED;
-use super::wide::{Link, Node};
+use super::wide::{Link, Node, Store};
 use super::{Accel, Hit, Inner, Ray, STILL};
-use crate::geometry::curve::CurveRay;
 use crate::geometry::triangle::ShearedLanes;
 use crate::geometry::{BLOCK, Candidates};
 use crate::isa::{Isa, Job, Lanes};
@@ -92,56 +91,90 @@ impl<I: Isa> Prepared<I> {
     }
 }
 
-/// Subtrees still to be visited, each with the distance at which the ray enters it.
+/// A subtree and the distance at which the ray enters it, in one number: the distance's bits, the link's below them.
+/// Distances are at least 0, and such floats are ordered as their bits are.
+#[derive(Clone, Copy, PartialEq, PartialOrd)]
+struct Entry(u64);
+
+impl Entry {
+    #[inline(always)]
+    fn new(link: Link, t: f32) -> Self {
+        Self(u64::from(t.to_bits()) << 32 | u64::from(link.bits()))
+    }
+
+    #[inline(always)]
+    fn link(self) -> Link {
+        Link::from_bits(self.0 as u32)
+    }
+
+    #[inline(always)]
+    fn t(self) -> f32 {
+        f32::from_bits((self.0 >> 32) as u32)
+    }
+}
+
+/// Subtrees still to be visited.
 struct Stack<'a> {
     /// Apart from the length: rustc would clear all of a structure that is uninitialised only in parts.
-    entries: &'a mut [MaybeUninit<(Link, f32)>; STACK],
+    entries: &'a mut [MaybeUninit<Entry>; STACK],
     /// Entries below are initialised.
     len: usize,
 }
 
 impl Stack<'_> {
     #[inline(always)]
-    fn push(&mut self, link: Link, t: f32) {
-        self.entries[self.len].write((link, t));
+    fn push(&mut self, entry: Entry) {
+        self.entries[self.len].write(entry);
         self.len += 1;
     }
 
     #[inline(always)]
-    fn pop(&mut self) -> Option<(Link, f32)> {
+    fn pop(&mut self) -> Option<Entry> {
         self.len = self.len.checked_sub(1)?;
         // SAFETY: `push` has written the entries below the former length.
         Some(unsafe { self.entries[self.len].assume_init() })
     }
 
-    /// Pushes the children in `mask` but the nearest, which is returned; the next nearest ends on top.
+    /// Pushes the children in `mask` but the nearest, which is returned; unless any order will do, the next nearest
+    /// ends on top.
     #[inline(always)]
-    fn push_children(&mut self, links: &[Link; WIDTH], mut mask: u32, t: &Lanes) -> Link {
+    fn push_children<I: Isa, const ANY: bool>(
+        &mut self,
+        isa: I,
+        store: &Store,
+        links: &[Link; WIDTH],
+        mut mask: u32,
+        t: &Lanes,
+    ) -> Link {
         let mut nearest = take_lane(links, &mut mask, t);
         let first = self.len;
         while mask != 0 {
             let child = take_lane(links, &mut mask, t);
-            let farther = if child.1 < nearest.1 { std::mem::replace(&mut nearest, child) } else { child };
-            self.push(farther.0, farther.1);
+            let farther = if child < nearest { std::mem::replace(&mut nearest, child) } else { child };
+            store.prefetch(isa, farther.link());
+            self.push(farther);
+            if ANY {
+                continue;
+            }
             // SAFETY: `push` has written the entries below the length.
             let pushed = unsafe { self.entries[first..self.len].assume_init_mut() };
             let mut at = pushed.len() - 1;
-            while at > 0 && pushed[at - 1].1 < farther.1 {
+            while at > 0 && pushed[at - 1] < farther {
                 pushed[at] = pushed[at - 1];
                 at -= 1;
             }
             pushed[at] = farther;
         }
-        nearest.0
+        nearest.link()
     }
 }
 
 /// The child in the lowest lane of `mask`, which is taken out of it.
 #[inline(always)]
-fn take_lane(links: &[Link; WIDTH], mask: &mut u32, t: &Lanes) -> (Link, f32) {
+fn take_lane(links: &[Link; WIDTH], mask: &mut u32, t: &Lanes) -> Entry {
     let lane = mask.trailing_zeros() as usize & (WIDTH - 1);
     *mask &= *mask - 1;
-    (links[lane], t.0[lane])
+    Entry::new(links[lane], t.0[lane])
 }
 
 /// The nearest hit so far.
@@ -171,8 +204,6 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
         let mut stack = Stack { entries: &mut entries, len: 0 };
         let mut ray = Prepared::new(isa, origin, direction);
         let mut local = (origin, direction);
-        // Made when the first curve asks.
-        let mut curve_ray: Option<CurveRay> = None;
         let mut instance = WORLD;
         let t_min = isa.splat(t_min);
         let mut t_max = isa.splat(best.t);
@@ -183,64 +214,36 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
                 let node = unsafe { self.accel.store.node(node) };
                 let (mask, t) = ray.children(isa, node, t_min, t_max);
                 if mask != 0 {
-                    link = stack.push_children(&node.links, mask, &isa.store(t));
+                    let store = &self.accel.store;
+                    link = stack.push_children::<I, ANY>(isa, store, &node.links, mask, &isa.store(t));
                     continue;
                 }
+            } else if let Some(index) = link.as_instance() {
+                let inner = &self.accel.instances[index];
+                stack.push(Entry::new(Link::LEAVE, 0.0));
+                local = if inner.motion == STILL {
+                    into(&inner.to_object, origin, direction)
+                } else {
+                    into(&self.accel.to_object_at(inner, time), origin, direction)
+                };
+                ray = Prepared::new(isa, local.0, local.1);
+                instance = inner.instance;
+                link = inner.root;
+                continue;
             } else {
-                let (kind, index) = link.as_leaf();
-                let found = match kind {
-                    Kind::Triangle => {
-                        // SAFETY: as for nodes.
-                        let block = unsafe { self.accel.store.triangles(index) };
-                        match block.intersect(isa, &ray.sheared, t_min, t_max) {
-                            Some(found) => self.accept(isa, &mut best, instance, &found, block.ids()),
-                            None => false,
-                        }
+                let found = if let Some(index) = link.as_triangles() {
+                    // SAFETY: as for nodes.
+                    let block = unsafe { self.accel.store.triangles(index) };
+                    match block.intersect(isa, &ray.sheared, t_min, t_max) {
+                        Some(found) => self.accept(isa, &mut best, instance, &found, block.ids()),
+                        None => false,
                     }
-                    Kind::MovingTriangle => {
-                        let block = &self.accel.store.moving[index];
-                        match block.intersect(isa, &ray.sheared, time, t_min, t_max) {
-                            Some(found) => self.accept(isa, &mut best, instance, &found, block.ids()),
-                            None => false,
-                        }
-                    }
-                    Kind::Sphere => {
-                        let block = &self.accel.store.spheres[index];
-                        match block.intersect(isa, local.0, local.1, (t_min, t_max)) {
-                            Some(found) => self.accept(isa, &mut best, instance, &found, block.ids()),
-                            None => false,
-                        }
-                    }
-                    Kind::Curve | Kind::Ribbon => {
-                        let ray = curve_ray.get_or_insert_with(|| CurveRay::new(local.0, local.1));
-                        let singles = &self.accel.store.singles;
-                        let t_min = self.ray.t_min;
-                        let query = CurveQuery { singles, kind, index, ray, t_min, t_max: best.t };
-                        match isa.outline(query) {
-                            Some((found, id)) => self.accept(isa, &mut best, instance, &found, &[id; BLOCK]),
-                            None => false,
-                        }
-                    }
-                    Kind::Solid => {
-                        let range = (self.ray.t_min, best.t);
-                        match self.accel.store.singles.solid(index, local, range) {
-                            Some((found, id)) => self.accept(isa, &mut best, instance, &found, &[id; BLOCK]),
-                            None => false,
-                        }
-                    }
-                    Kind::Instance => {
-                        let inner = &self.accel.instances[index];
-                        stack.push(Link::LEAVE, 0.0);
-                        local = if inner.motion == STILL {
-                            into(&inner.to_object, origin, direction)
-                        } else {
-                            into(&self.accel.to_object_at(inner, time), origin, direction)
-                        };
-                        ray = Prepared::new(isa, local.0, local.1);
-                        curve_ray = None;
-                        instance = inner.instance;
-                        link = inner.root;
-                        continue;
+                } else {
+                    let store = &self.accel.store;
+                    let (t_min, t_max) = (self.ray.t_min, best.t);
+                    match isa.outline(LeafQuery { store, link, ray: local, time, t_min, t_max }) {
+                        Some((found, ids)) => self.accept(isa, &mut best, instance, &found, &ids),
+                        None => false,
                     }
                 };
                 if found {
@@ -251,15 +254,15 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
                 }
             }
             link = loop {
-                let Some((link, t)) = stack.pop() else {
+                let Some(entry) = stack.pop() else {
                     return self.accel.hit(&best);
                 };
+                let link = entry.link();
                 if link == Link::LEAVE {
                     local = (origin, direction);
                     ray = Prepared::new(isa, origin, direction);
-                    curve_ray = None;
                     instance = WORLD;
-                } else if ANY || t <= best.t {
+                } else if ANY || entry.t() <= best.t {
                     break link;
                 }
             };

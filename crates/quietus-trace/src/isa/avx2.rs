@@ -105,8 +105,8 @@ impl Isa for Avx2 {
     }
 
     #[inline(always)]
-    fn prefetch<T>(self, place: &T) {
-        avx2!(_mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(place).cast()))
+    fn prefetch<T>(self, place: *const T) {
+        avx2!(_mm_prefetch::<_MM_HINT_T0>(place.cast()))
     }
 
     #[inline(always)]

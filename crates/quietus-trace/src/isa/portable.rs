@@ -87,7 +87,7 @@ impl Isa for Portable {
     }
 
     #[inline(always)]
-    fn prefetch<T>(self, _place: &T) {}
+    fn prefetch<T>(self, _place: *const T) {}
 
     #[inline(never)]
     fn outline<J: Job>(self, job: J) -> J::Output {

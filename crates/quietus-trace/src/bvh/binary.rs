@@ -5,12 +5,11 @@
 //! for each node the cheapest way to represent it by at most 1, 2, .. 7 roots of wide subtrees (Ylitie, Karras
 //! and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", section 3.1).
 
-use std::mem::MaybeUninit;
-
 use glam::{Vec4, Vec4Swizzles};
 use rayon::prelude::*;
 
-use super::{Bounds, memory};
+use super::Bounds;
+use crate::isa::{Isa, Job, Level};
 
 /// Children of a wide node.
 pub(super) const WIDTH: usize = 8;
@@ -152,6 +151,7 @@ impl Extent {
         self.centers = self.centers.with(center, center);
     }
 
+    #[inline(always)]
     fn union(self, other: Self) -> Self {
         Self { boxes: self.boxes.union(other.boxes), centers: self.centers.union(other.centers) }
     }
@@ -175,12 +175,16 @@ pub(super) struct Node {
     pub(super) bounds: Bounds,
     /// Items below.
     pub(super) count: u32,
-    /// Items below the left child; 0 in a leaf of the binary tree.
-    left_count: u32,
+    /// Where its children are, side by side, in the nodes of its part; 0 in a leaf of the binary tree, and in a root
+    /// whose children have parts of their own.
+    left: u32,
     plan: Plan,
 }
 
 impl Node {
+    /// Stands where a node will be.
+    const BLANK: Self = Self { bounds: Bounds::EMPTY, count: 0, left: 0, plan: Plan(0) };
+
     /// Whether the wide tree has a leaf here.
     pub(super) fn is_leaf(&self) -> bool {
         self.plan.is_leaf()
@@ -209,66 +213,110 @@ impl Plan {
 /// Cost of the cheapest representation by at most 1, 2, .. 7 roots.
 type Costs = [f32; WIDTH - 1];
 
-/// A subtree of the binary tree: where its items and nodes start.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Subtree {
+/// What one task has built.
+struct Part {
+    /// The root first.
+    nodes: Vec<Node>,
+    /// Where the root's children are, if they are not among the nodes.
+    children: Option<Box<[Part; 2]>>,
+}
+
+/// A subtree of the binary tree: where its items start, and its root.
+#[derive(Clone, Copy)]
+pub(super) struct Subtree<'a> {
     pub(super) item: usize,
-    pub(super) node: usize,
+    part: &'a Part,
+    node: usize,
+}
+
+impl<'a> Subtree<'a> {
+    /// Its root.
+    pub(super) fn root(self) -> &'a Node {
+        &self.part.nodes[self.node]
+    }
+
+    /// The subtrees below its root, which is not a leaf of the binary tree.
+    fn children(self) -> [Self; 2] {
+        let of = |part: &'a Part, node| Self { item: self.item, part, node };
+        let [left, right] = match &self.part.children {
+            Some(parts) if self.node == 0 => parts.each_ref().map(|part| of(part, 0)),
+            _ => {
+                let left = self.root().left as usize;
+                [of(self.part, left), of(self.part, left + 1)]
+            }
+        };
+        [left, Self { item: self.item + left.root().count as usize, ..right }]
+    }
+
+    /// The roots of the wide subtrees below this one, the root of a wide node, left to right.
+    pub(super) fn wide_children(self, mut each: impl FnMut(Self)) {
+        self.descend(WIDTH, &mut each);
+    }
+
+    fn descend(self, mut roots: usize, each: &mut impl FnMut(Self)) {
+        let plan = self.root().plan;
+        while roots > 1 && plan.left_roots(roots) == 0 {
+            roots -= 1;
+        }
+        if roots == 1 {
+            return each(self);
+        }
+        let [left, right] = self.children();
+        let left_roots = plan.left_roots(roots);
+        left.descend(left_roots, each);
+        right.descend(roots - left_roots, each);
+    }
 }
 
 /// A binary tree.
-pub(super) struct Tree {
-    /// A subtree over n items owns `2 n - 1` consecutive nodes: its root, then those of the left, then those of
-    /// the right child. Leaves leave theirs but the first unwritten, and the memory behind them untouched.
-    nodes: Vec<MaybeUninit<Node>>,
-}
+pub(super) struct Tree(Part);
 
 impl Tree {
     /// Sorts `items`, of which there is at least one, into the order of the tree's leaves.
     pub(super) fn build(items: &mut [Item]) -> Self {
-        let len = 2 * items.len() - 1;
-        let mut nodes = Vec::with_capacity(len);
-        memory::prefer_huge_pages(nodes.spare_capacity_mut());
-        // SAFETY: the capacity is there, and elements that may be uninitialised need no initialising.
-        unsafe { nodes.set_len(len) };
         let extent = Extent::of(items);
         let mut scratch = Bins::EMPTY;
-        build_range(items, &mut nodes, extent, 0, &mut scratch);
-        Self { nodes }
+        Self(build_part(Level::detect(), items, extent, 0, &mut scratch).0)
     }
 
-    /// The root of a subtree.
-    pub(super) fn node(&self, at: Subtree) -> &Node {
-        // SAFETY: a `Subtree` is the whole tree or comes from `wide_children`, which descends from written nodes
-        // to their children: `build_range` writes the first of every range it is given.
-        unsafe { self.nodes[at.node].assume_init_ref() }
-    }
-
-    /// The roots of the wide subtrees below a wide node, left to right.
-    pub(super) fn wide_children(&self, at: Subtree, mut each: impl FnMut(Subtree)) {
-        self.descend(at, WIDTH, &mut each);
-    }
-
-    fn descend(&self, at: Subtree, mut roots: usize, each: &mut impl FnMut(Subtree)) {
-        let node = self.node(at);
-        while roots > 1 && node.plan.left_roots(roots) == 0 {
-            roots -= 1;
-        }
-        if roots == 1 {
-            return each(at);
-        }
-        let left_roots = node.plan.left_roots(roots);
-        let left_count = node.left_count as usize;
-        let left = Subtree { item: at.item, node: at.node + 1 };
-        let right = Subtree { item: at.item + left_count, node: at.node + 2 * left_count };
-        self.descend(left, left_roots, each);
-        self.descend(right, roots - left_roots, each);
+    /// All of it.
+    pub(super) fn root(&self) -> Subtree<'_> {
+        Subtree { item: 0, part: &self.0, node: 0 }
     }
 }
 
-fn build_range(
+/// Builds a subtree: by tasks of its own for both halves where it is large.
+fn build_part(
+    level: Level,
     items: &mut [Item],
-    nodes: &mut [MaybeUninit<Node>],
+    extent: Extent,
+    depth: u32,
+    scratch: &mut Bins,
+) -> (Part, Costs) {
+    let count = items.len();
+    if count <= TASK {
+        let mut nodes = Vec::with_capacity(count / 2 + 1);
+        nodes.push(Node::BLANK);
+        let costs = build_range(level, items, &mut nodes, 0, extent, depth, scratch);
+        return (Part { nodes, children: None }, costs);
+    }
+    let (middle, left_extent, right_extent) = level.run(Partition { items, extent: &extent, depth, scratch });
+    let (left, right) = items.split_at_mut(middle);
+    let ((left, left_costs), (right, right_costs)) = rayon::join(
+        || build_part(level, left, left_extent, depth + 1, scratch),
+        || build_part(level, right, right_extent, depth + 1, &mut { Bins::EMPTY }),
+    );
+    let (plan, costs) = combine(&left_costs, &right_costs, extent.boxes.area(), f32::INFINITY);
+    let root = Node { bounds: extent.boxes.bounds(), count: count as u32, left: 0, plan };
+    (Part { nodes: vec![root], children: Some(Box::new([left, right])) }, costs)
+}
+
+/// Builds a subtree whose root is `nodes[at]`.
+fn build_range(
+    level: Level,
+    items: &mut [Item],
+    nodes: &mut Vec<Node>,
+    at: usize,
     extent: Extent,
     depth: u32,
     scratch: &mut Bins,
@@ -279,24 +327,18 @@ fn build_range(
     let bounds = extent.boxes.bounds();
     let leaf_cost = extent.boxes.area() * BLOCK_COST;
     if may_be_leaf && count <= STOP {
-        nodes[0].write(Node { bounds, count: count as u32, left_count: 0, plan: Plan(1) });
+        nodes[at] = Node { bounds, count: count as u32, left: 0, plan: Plan(1) };
         return [leaf_cost; WIDTH - 1];
     }
-    let (middle, left_extent, right_extent) = partition(items, &extent, depth, scratch);
+    let (middle, left_extent, right_extent) = level.run(Partition { items, extent: &extent, depth, scratch });
+    let left = nodes.len();
+    nodes.extend([Node::BLANK; 2]);
     let (left_items, right_items) = items.split_at_mut(middle);
-    let (left_nodes, right_nodes) = nodes[1..].split_at_mut(2 * middle - 1);
-    let mut left = |scratch: &mut Bins| build_range(left_items, left_nodes, left_extent, depth + 1, scratch);
-    let mut right =
-        |scratch: &mut Bins| build_range(right_items, right_nodes, right_extent, depth + 1, scratch);
-    let (left, right) = if count > TASK {
-        let mut other = Bins::EMPTY;
-        rayon::join(|| left(scratch), || right(&mut other))
-    } else {
-        (left(scratch), right(scratch))
-    };
+    let left_costs = build_range(level, left_items, nodes, left, left_extent, depth + 1, scratch);
+    let right_costs = build_range(level, right_items, nodes, left + 1, right_extent, depth + 1, scratch);
     let leaf_cost = if may_be_leaf { leaf_cost } else { f32::INFINITY };
-    let (plan, costs) = combine(&left, &right, extent.boxes.area(), leaf_cost);
-    nodes[0].write(Node { bounds, count: count as u32, left_count: middle as u32, plan });
+    let (plan, costs) = combine(&left_costs, &right_costs, extent.boxes.area(), leaf_cost);
+    nodes[at] = Node { bounds, count: count as u32, left: left as u32, plan };
     costs
 }
 
@@ -325,17 +367,36 @@ fn combine(left: &Costs, right: &Costs, area: f32, leaf_cost: f32) -> (Plan, Cos
     (plan, costs)
 }
 
-/// Splits a range of at least 2 items into two that are not empty.
-fn partition(items: &mut [Item], extent: &Extent, depth: u32, scratch: &mut Bins) -> (usize, Extent, Extent) {
-    if depth < SAH_DEPTH
-        && let Some(split) = find_split(items, extent, scratch)
-    {
-        let parts = partition_at(items, &split);
-        if parts.0 > 0 && parts.0 < items.len() {
-            return parts;
+/// Splits a range of at least 2 items into two that are not empty; compiled for wide instructions.
+struct Partition<'a> {
+    items: &'a mut [Item],
+    extent: &'a Extent,
+    depth: u32,
+    scratch: &'a mut Bins,
+}
+
+impl Job for Partition<'_> {
+    /// Where the right side starts, and the extents of both.
+    type Output = (usize, Extent, Extent);
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) -> Self::Output {
+        let Self { items, extent, depth, scratch } = self;
+        if depth < SAH_DEPTH
+            && let Some(split) = find_split(items, extent, scratch)
+        {
+            let parts = partition_at(items, &split);
+            if parts.0 > 0 && parts.0 < items.len() {
+                return parts;
+            }
         }
+        split_evenly(items)
     }
-    // All centroids in one place, or too deep. Kinds apart, so that small ranges become leaves.
+}
+
+/// For centroids all in one place, and for too deep trees. Kinds apart, so that small ranges become leaves.
+#[cold]
+fn split_evenly(items: &mut [Item]) -> (usize, Extent, Extent) {
     if items.iter().any(|i| i.kind() != items[0].kind()) {
         items.sort_unstable_by_key(|i| (i.kind() as u32, i.index()));
         let middle = items.partition_point(|i| i.kind() == items[0].kind());
@@ -357,6 +418,7 @@ struct Binning {
 }
 
 impl Binning {
+    #[inline(always)]
     fn new(centers: &Box4, count: usize) -> Self {
         let bins = BINS.min(4 + count / 16);
         let size = centers.max - centers.min;
@@ -403,6 +465,7 @@ impl Bins {
     const EMPTY: Self = Self { boxes: [[Box4::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
 
     /// Fills the bins that `binning` uses.
+    #[inline(always)]
     fn fill(&mut self, items: &[Item], binning: &Binning) {
         self.boxes[..binning.bins].fill([Box4::EMPTY; 3]);
         self.counts[..binning.bins].fill([0; 3]);
@@ -441,6 +504,7 @@ struct Candidate {
 
 impl Bins {
     /// The cheapest split on one axis, or `best` where none is cheaper.
+    #[inline(always)]
     fn best(&self, axis: usize, used: usize, mut best: Candidate) -> Candidate {
         let mut right_cost = [0.0; BINS];
         let (mut boxes, mut count) = (Box4::EMPTY, 0);
@@ -463,6 +527,7 @@ impl Bins {
 }
 
 /// The split of least area times number of blocks, None where all centroids share a bin on every axis.
+#[inline(always)]
 fn find_split(items: &[Item], extent: &Extent, bins: &mut Bins) -> Option<Split> {
     let binning = Binning::new(&extent.centers, items.len());
     let mut best = Candidate { cost: f32::INFINITY, axis: 0, bin: 0 };
@@ -484,11 +549,13 @@ fn find_split(items: &[Item], extent: &Extent, bins: &mut Bins) -> Option<Split>
 }
 
 /// What a number of items weighs: half blocks, since blocks are rarely full.
+#[inline(always)]
 fn blocks(count: u32) -> f32 {
     count.div_ceil(4) as f32
 }
 
 /// Reorders `items`: left of the split first. Returns their number and both extents.
+#[inline(always)]
 fn partition_at(items: &mut [Item], split: &Split) -> (usize, Extent, Extent) {
     let is_left = |item: &Item| split.binning.bin(item, split.axis) < split.bin;
     let (mut left, mut right) = (Extent::EMPTY, Extent::EMPTY);

@@ -157,7 +157,6 @@ struct Census {
 
 struct Emitter<'a, L> {
     items: &'a [Item],
-    tree: &'a Tree,
     leaves: &'a L,
 }
 
@@ -231,8 +230,8 @@ impl Store {
             return (root, Bounds::EMPTY);
         }
         let tree = Tree::build(items);
-        let emitter = Emitter { items, tree: &tree, leaves };
-        let census = emitter.census(Subtree::default());
+        let emitter = Emitter { items, leaves };
+        let census = emitter.census(tree.root());
         let counts = census.counts;
         let base = Counts {
             nodes: self.nodes.len(),
@@ -255,7 +254,7 @@ impl Store {
         memory::prefer_huge_pages(output.triangles);
         memory::prefer_huge_pages(output.moving);
         memory::prefer_huge_pages(output.spheres);
-        emitter.emit(Subtree::default(), &census, output);
+        emitter.emit(tree.root(), &census, output);
         // SAFETY: `emit` has written every element of its output: it splits it exactly by the census, down to
         // single elements, and panics where elements are left over.
         unsafe {
@@ -264,30 +263,30 @@ impl Store {
             self.moving.set_len(base.moving + counts.moving);
             self.spheres.set_len(base.spheres + counts.spheres);
         }
-        (root, tree.node(Subtree::default()).bounds)
+        (root, tree.root().root().bounds)
     }
 }
 
 impl<L: Leaves> Emitter<'_, L> {
-    fn children(&self, at: Subtree) -> ([Subtree; WIDTH], usize) {
-        let mut children = [Subtree::default(); WIDTH];
+    fn children<'t>(&self, at: Subtree<'t>) -> ([Subtree<'t>; WIDTH], usize) {
+        let mut children = [at; WIDTH];
         let mut len = 0;
-        self.tree.wide_children(at, |child| {
+        at.wide_children(|child| {
             children[len] = child;
             len += 1;
         });
         (children, len)
     }
 
-    fn leaf_kind(&self, at: Subtree) -> Option<Kind> {
-        self.tree.node(at).is_leaf().then(|| self.items[at.item].kind())
+    fn leaf_kind(&self, at: Subtree<'_>) -> Option<Kind> {
+        at.root().is_leaf().then(|| self.items[at.item].kind())
     }
 
     /// Counts the subtree of a wide node.
-    fn census(&self, at: Subtree) -> Census {
+    fn census(&self, at: Subtree<'_>) -> Census {
         let (children, len) = self.children(at);
         let mut census = Census { counts: Counts { nodes: 1, ..Counts::default() }, children: Vec::new() };
-        if self.tree.node(at).count > TASK {
+        if at.root().count > TASK {
             use rayon::prelude::*;
             census.children = children[..len].par_iter().map(|&child| self.child_census(child)).collect();
             for child in &census.children {
@@ -301,7 +300,7 @@ impl<L: Leaves> Emitter<'_, L> {
         census
     }
 
-    fn child_census(&self, at: Subtree) -> Census {
+    fn child_census(&self, at: Subtree<'_>) -> Census {
         let counts = match self.leaf_kind(at) {
             None => return self.census(at),
             Some(Kind::Triangle) => Counts { triangles: 1, ..Counts::default() },
@@ -313,7 +312,7 @@ impl<L: Leaves> Emitter<'_, L> {
     }
 
     /// Writes the subtree of a wide node to exactly `output`.
-    fn emit(&self, at: Subtree, census: &Census, mut output: Output<'_>) {
+    fn emit(&self, at: Subtree<'_>, census: &Census, mut output: Output<'_>) {
         if census.children.is_empty() {
             self.emit_serial(at, &mut output);
             output.finish();
@@ -325,8 +324,8 @@ impl<L: Leaves> Emitter<'_, L> {
         rayon::scope(|scope| {
             for (lane, (&child, census)) in children[..len].iter().zip(&census.children).enumerate() {
                 let mut part = output.take(&census.counts);
-                let bounds = &self.tree.node(child).bounds;
-                if self.tree.node(child).is_leaf() {
+                let bounds = &child.root().bounds;
+                if child.root().is_leaf() {
                     node.set(lane, bounds, self.emit_leaf(child, &mut part));
                 } else {
                     node.set(lane, bounds, Link::node(part.base.nodes));
@@ -339,24 +338,24 @@ impl<L: Leaves> Emitter<'_, L> {
     }
 
     /// Writes the subtree of a wide node to the front of `output`.
-    fn emit_serial(&self, at: Subtree, output: &mut Output<'_>) -> Link {
+    fn emit_serial(&self, at: Subtree<'_>, output: &mut Output<'_>) -> Link {
         let own = output.take(&Counts { nodes: 1, ..Counts::default() });
         let (children, len) = self.children(at);
         let mut node = Node::EMPTY;
         for (lane, &child) in children[..len].iter().enumerate() {
-            let link = if self.tree.node(child).is_leaf() {
+            let link = if child.root().is_leaf() {
                 self.emit_leaf(child, output)
             } else {
                 self.emit_serial(child, output)
             };
-            node.set(lane, &self.tree.node(child).bounds, link);
+            node.set(lane, &child.root().bounds, link);
         }
         own.nodes[0].write(node);
         Link::node(own.base.nodes)
     }
 
-    fn emit_leaf(&self, at: Subtree, output: &mut Output<'_>) -> Link {
-        let items = &self.items[at.item..][..self.tree.node(at).count as usize];
+    fn emit_leaf(&self, at: Subtree<'_>, output: &mut Output<'_>) -> Link {
+        let items = &self.items[at.item..][..at.root().count as usize];
         let kind = items[0].kind();
         match kind {
             Kind::Triangle => {

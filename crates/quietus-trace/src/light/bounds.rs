@@ -36,7 +36,7 @@ impl Receiver {
         Self { position, time, normal: Vec3::ZERO, back: 1.0 }
     }
 
-    /// The normal, and the sign that [`facing`](Self::back) wants; none inside a medium.
+    /// The normal, and what the cosine is multiplied by on the other side; none inside a medium.
     #[inline(always)]
     pub(super) fn facing(&self) -> Option<(Vec3, f32)> {
         (self.normal != Vec3::ZERO).then_some((self.normal, self.back))

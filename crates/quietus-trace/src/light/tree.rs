@@ -30,8 +30,10 @@ const TINY: f32 = 1e-30;
 #[repr(align(64))]
 struct Node {
     center: [Lanes; 3],
-    /// Square of half the diagonal.
-    radius2: Lanes,
+    /// Half the diagonal.
+    radius: Lanes,
+    /// One over its square; infinite for points.
+    inverse_radius2: Lanes,
     axis: [Lanes; 3],
     cos_o: Lanes,
     sin_o: Lanes,
@@ -41,6 +43,8 @@ struct Node {
     /// 0 in lanes without a child.
     intensity: Lanes,
     links: [u32; WIDTH],
+    /// How many children there are, in the lowest lanes.
+    count: u32,
     /// The place of this node in its parent, see [`place`].
     place: u32,
 }
@@ -62,6 +66,8 @@ fn place(node: usize, lane: usize) -> u32 {
 struct Importances {
     lanes: [f32; WIDTH],
     sum: f32,
+    /// How many of the lanes are children.
+    count: usize,
 }
 
 impl LightTree {
@@ -144,7 +150,7 @@ impl Importances {
         }
         let mut rest = *u * self.sum;
         let mut chosen = None;
-        for (lane, &importance) in self.lanes.iter().enumerate() {
+        for (lane, &importance) in self.lanes[..self.count].iter().enumerate() {
             if importance > 0.0 {
                 chosen = Some((lane, rest));
                 if rest < importance {
@@ -167,7 +173,10 @@ impl Node {
             self.center[axis].0[lane] = center[axis];
             self.axis[axis].0[lane] = child.axis[axis];
         }
-        self.radius2.0[lane] = child.radius2();
+        let radius2 = child.radius2();
+        self.radius.0[lane] = radius2.sqrt();
+        self.inverse_radius2.0[lane] = 1.0 / radius2;
+        self.count = self.count.max(lane as u32 + 1);
         let (sin_o, cos_o) = child.theta_o.sin_cos();
         (self.sin_o.0[lane], self.cos_o.0[lane]) = (sin_o.max(0.0), cos_o);
         self.cos_e.0[lane] = child.theta_e.cos();
@@ -190,15 +199,13 @@ impl Node {
             isa.sub(isa.splat(p.y), isa.load(&self.center[1])),
             isa.sub(isa.splat(p.z), isa.load(&self.center[2])),
         ];
-        let radius2 = isa.load(&self.radius2);
         let distance2 = isa.max(dot(isa, v, v), isa.splat(TINY));
         let inverse2 = isa.div(one, distance2);
         let inverse = isa.sqrt(inverse2);
         // Angle under which the group is seen; everything from within.
-        let sin2_b = isa.min(isa.mul(radius2, inverse2), one);
-        let outside_cos_b = isa.sqrt(isa.sub(one, sin2_b));
-        let cos_b = isa.select_lt(distance2, radius2, isa.splat(-1.0), outside_cos_b);
-        let sin_b = isa.select_lt(distance2, radius2, zero, isa.sqrt(sin2_b));
+        let sin_b = isa.mul(isa.load(&self.radius), inverse);
+        let cos_b = isa.select_lt(one, sin_b, isa.splat(-1.0), sine(isa, sin_b));
+        let sin_b = isa.select_lt(one, sin_b, zero, sin_b);
         // Angle between the axis and the receiver, less that of the cone, less that under which the group is seen.
         let axis = [isa.load(&self.axis[0]), isa.load(&self.axis[1]), isa.load(&self.axis[2])];
         let cos_w = isa.mul(dot(isa, v, axis), inverse);
@@ -211,8 +218,9 @@ impl Node {
         let cosine = cos_less(isa, (cos_x, sin_x), (cos_b, sin_b));
         let leaving = isa.max(cosine, isa.splat(LEAST_COSINE));
         let leaving = isa.select_lt(isa.load(&self.cos_e), cosine, leaving, zero);
-        let mut importance = isa.mul(isa.load(&self.intensity), leaving);
-        importance = isa.div(importance, isa.max(distance2, radius2));
+        // From within the distance does not count.
+        let inverse2 = isa.min(inverse2, isa.load(&self.inverse_radius2));
+        let mut importance = isa.mul(isa.mul(isa.load(&self.intensity), leaving), inverse2);
         if let Some((normal, back)) = receiver.facing() {
             let normal = [isa.splat(-normal.x), isa.splat(-normal.y), isa.splat(-normal.z)];
             let cos_i = isa.mul(dot(isa, v, normal), inverse);
@@ -222,7 +230,8 @@ impl Node {
         }
         let lanes = isa.store(importance).0;
         let [a, b, c, d, e, f, g, h] = lanes;
-        Importances { lanes, sum: ((a + b) + (c + d)) + ((e + f) + (g + h)) }
+        let sum = ((a + b) + (c + d)) + ((e + f) + (g + h));
+        Importances { lanes, sum, count: (self.count as usize).min(WIDTH) }
     }
 }
 

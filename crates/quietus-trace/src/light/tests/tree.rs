@@ -213,6 +213,15 @@ fn infinite_lights_get_their_share() {
             }
         }
     }
+    // A rectangular lamp in two halves: each comes up half the time, whoever asks.
+    let corner = Bounds { min: Vec3::ZERO, max: Vec3::ONE.with_y(0.0) };
+    let half = LightBounds::surface(corner, Vec3::NEG_Y, 0.0, 1.0, false);
+    let receiver = Receiver::medium(Vec3::NEG_Y, 0.0);
+    let lamp = LightSelector::new(&[half, half], &[]);
+    assert_eq!([0, 1].map(|l| lamp.probability(Portable, &receiver, l)), [0.5; 2]);
+    assert_eq!(lamp.sample(Portable, &receiver, 0.2), Some((0, 0.5)));
+    let under_a_sky = LightSelector::new(&[half, half], &[1e9]);
+    assert!((under_a_sky.probability(Portable, &receiver, 2) - 0.75).abs() < 1e-4);
     assert!(LightSelector::new(&[], &[]).sample(Portable, &Receiver::medium(Vec3::ZERO, 0.0), 0.5).is_none());
 }
 

@@ -43,8 +43,9 @@ fn ellipse(normal: Vec3, direction: Vec3, radius: f32) -> [Vec3; 2] {
     const LEAST_COSINE: f32 = 1e-3;
     let cosine = normal.dot(direction);
     let along = direction - cosine * normal;
-    // Seen head-on it is a circle, whose axes may lie anyhow.
-    let long = along.try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
+    // Seen all but head-on it is a circle, whose axes may lie anyhow, and what is left of the direction is rounding.
+    let length2 = along.length_squared();
+    let long = if length2 > 1e-6 { along / length2.sqrt() } else { normal.any_orthonormal_vector() };
     [long * (radius / cosine.abs().max(LEAST_COSINE)), normal.cross(long) * radius]
 }
 

@@ -32,6 +32,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
     for (slot, index) in hierarchy.indices().enumerate() {
         reader.read_node(slot, index)?;
     }
+    reader.materials.load_pictures()?;
     let Reader { materials, figures, skins, models, cameras, lights, .. } = reader;
     let Materials { materials, textures, media, .. } = materials;
     let geometry_bytes = document.geometry_bytes();

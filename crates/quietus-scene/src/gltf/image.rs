@@ -2,15 +2,17 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use ::image::ImageFormat;
-use quietus_trace::desc::Image;
+use quietus_trace::desc::{Image, Texture, TextureId};
+use rayon::prelude::*;
 
 use super::document::Document;
 use crate::error::{ErrorKind, SceneError};
-use crate::image::{Format, MAX_SCENE_BYTES, bytes_of};
+use crate::image::{Budget, Format};
 
 /// Whether a picture holds colours or plain numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -21,46 +23,89 @@ pub(super) enum Encoding {
     Linear,
 }
 
-/// The pictures decoded so far, each once per encoding.
-#[derive(Default)]
-pub(super) struct ImageCache {
-    images: HashMap<(usize, Encoding), Arc<Image>>,
-    bytes: u64,
+/// The pictures that materials ask for, each once per encoding: noted first, decoded all at the same time.
+pub(super) struct Pictures<'d> {
+    jobs: Vec<Job<'d>>,
+    known: HashMap<(usize, Encoding), usize>,
+    /// Which textures wait for which of them.
+    waiting: Vec<(TextureId, usize)>,
 }
 
-impl ImageCache {
-    /// Image `index`, referred to from `place`.
-    pub(super) fn get(
+/// A picture still to be decoded.
+struct Job<'d> {
+    bytes: Cow<'d, [u8]>,
+    file: PathBuf,
+    /// Where in the file, for messages.
+    place: String,
+    format: Format,
+    encoding: Encoding,
+    name: String,
+}
+
+impl<'d> Pictures<'d> {
+    pub(super) fn new() -> Self {
+        Self { jobs: Vec::new(), known: HashMap::new(), waiting: Vec::new() }
+    }
+
+    /// Asks for image `index`, referred to from `place`, for the next texture: `texture`.
+    pub(super) fn ask(
         &mut self,
-        document: &Document<'_>,
-        index: usize,
+        document: &'d Document<'_>,
+        (index, place): (usize, &str),
         encoding: Encoding,
-        place: &str,
-    ) -> Result<Arc<Image>, SceneError> {
-        if let Some(image) = self.images.get(&(index, encoding)) {
-            return Ok(Arc::clone(image));
+        texture: TextureId,
+    ) -> Result<(), SceneError> {
+        let job = match self.known.entry((index, encoding)) {
+            Entry::Occupied(known) => *known.get(),
+            Entry::Vacant(new) => {
+                self.jobs.push(job(document, index, encoding, place)?);
+                *new.insert(self.jobs.len() - 1)
+            }
+        };
+        self.waiting.push((texture, job));
+        Ok(())
+    }
+
+    /// Decodes them on the threads of rayon's pool and puts them in their places.
+    pub(super) fn load(self, textures: &mut [Texture]) -> Result<(), SceneError> {
+        let budget = Budget::default();
+        let decoded: Vec<_> = self.jobs.into_par_iter().map(|job| job.decode(&budget)).collect();
+        let images = decoded.into_iter().collect::<Result<Vec<_>, _>>()?;
+        for (texture, image) in self.waiting {
+            if let Texture::Image(texture) = &mut textures[texture.0 as usize] {
+                texture.image = Arc::clone(&images[image]);
+            }
         }
-        let image = Arc::new(decode(document, index, encoding, place)?);
-        self.bytes += bytes_of(&image);
-        if self.bytes > MAX_SCENE_BYTES {
-            let message = format!("the scene's pictures take over {MAX_SCENE_BYTES} bytes");
-            return Err(document.error(ErrorKind::Unsupported, &format!("images[{index}]"), message));
-        }
-        self.images.insert((index, encoding), Arc::clone(&image));
-        Ok(image)
+        Ok(())
     }
 }
 
-fn decode(
-    document: &Document<'_>,
+impl Job<'_> {
+    fn decode(self, budget: &Budget) -> Result<Arc<Image>, SceneError> {
+        let encoding = match self.encoding {
+            Encoding::Srgb => crate::image::Encoding::Srgb,
+            Encoding::Linear => crate::image::Encoding::Linear,
+        };
+        let image =
+            crate::image::decode(&self.file, &self.place, self.bytes, self.format, encoding, self.name)?;
+        budget
+            .take(&image)
+            .map_err(|(kind, message)| SceneError::new(kind, &self.file, self.place, message))?;
+        Ok(Arc::new(image))
+    }
+}
+
+/// What is needed to decode image `index`, referred to from `place`.
+fn job<'d>(
+    document: &'d Document<'_>,
     index: usize,
     encoding: Encoding,
     place: &str,
-) -> Result<Image, SceneError> {
+) -> Result<Job<'d>, SceneError> {
     let source = document.get(&document.root.images, index, "images", place)?;
     let own = format!("images[{index}]");
     let scene = || document.invalid(&own, "").file().to_path_buf();
-    let (bytes, file, at): (Cow<'_, [u8]>, PathBuf, String) = match (&source.uri, source.buffer_view) {
+    let (bytes, file, at): (Cow<'d, [u8]>, PathBuf, String) = match (&source.uri, source.buffer_view) {
         (Some(uri), None) => {
             let (bytes, file) = document.fetch(uri, &format!("{own}.uri"))?;
             let at = if uri.starts_with("data:") { format!("{own}.uri") } else { String::new() };
@@ -79,10 +124,6 @@ fn decode(
         let message = format!("the picture is {found}, expected PNG, JPEG or WebP");
         return Err(SceneError::new(ErrorKind::Unsupported, &file, at, message));
     };
-    let encoding = match encoding {
-        Encoding::Srgb => crate::image::Encoding::Srgb,
-        Encoding::Linear => crate::image::Encoding::Linear,
-    };
     let name = if source.name.is_empty() { own } else { source.name.clone() };
-    crate::image::decode(&file, &at, bytes, format, encoding, name)
+    Ok(Job { bytes, file, place: at, format, encoding, name })
 }

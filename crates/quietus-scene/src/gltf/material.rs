@@ -1,15 +1,17 @@
 //! Materials and the textures they use.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use glam::{Affine2, Mat2, Vec2, Vec3};
 use quietus_trace::desc::{
-    Alpha, Anisotropy, ColorParam, ImageTexture, Mapping, Material, MaterialId, Medium, MediumId,
-    MediumInterface, MetalRough, Roughness, ScalarParam, Surface, TexelFilter, Texture, TextureId, Wrap,
+    Alpha, Anisotropy, ColorParam, Image, ImageTexture, Mapping, Material, MaterialId, Medium, MediumId,
+    MediumInterface, MetalRough, Roughness, ScalarParam, Surface, TexelFilter, Texels, Texture, TextureId,
+    Wrap,
 };
 
 use super::document::Document;
-use super::image::{Encoding, ImageCache};
+use super::image::{Encoding, Pictures};
 use super::schema::{self, TextureInfo};
 use crate::error::{ErrorKind, SceneError};
 
@@ -26,7 +28,9 @@ pub(super) struct Materials<'d, 'f> {
     interiors: HashMap<MaterialId, MediumId>,
     ids: HashMap<Option<usize>, MaterialId>,
     texture_ids: HashMap<TextureKey, TextureId>,
-    images: ImageCache,
+    pictures: Pictures<'d>,
+    /// Stands in textures whose picture is still to come.
+    to_come: Arc<Image>,
 }
 
 impl<'d, 'f> Materials<'d, 'f> {
@@ -39,7 +43,13 @@ impl<'d, 'f> Materials<'d, 'f> {
             interiors: HashMap::new(),
             ids: HashMap::new(),
             texture_ids: HashMap::new(),
-            images: ImageCache::default(),
+            pictures: Pictures::new(),
+            to_come: Arc::new(Image {
+                name: String::new(),
+                width: 1,
+                height: 1,
+                texels: Texels::Linear8(vec![[0; 4]]),
+            }),
         }
     }
 
@@ -400,13 +410,19 @@ impl<'d, 'f> Materials<'d, 'f> {
         if let Some(&id) = self.texture_ids.get(&key) {
             return Ok(Some(id));
         }
-        let image = self.images.get(document, image, encoding, &format!("{own}.source"))?;
         let (wrap, filter) = sampler(document, source.sampler, &own)?;
         let mapping = Mapping::Uv { set: uv_set as u8, transform: matrix };
-        let texture = ImageTexture { image, wrap, filter, mapping, invert: false };
+        let to_come = Arc::clone(&self.to_come);
+        let texture = ImageTexture { image: to_come, wrap, filter, mapping, invert: false };
         let id = self.push_texture(Texture::Image(texture));
+        self.pictures.ask(document, (image, &format!("{own}.source")), encoding, id)?;
         self.texture_ids.insert(key, id);
         Ok(Some(id))
+    }
+
+    /// Decodes the pictures of all textures.
+    pub(super) fn load_pictures(&mut self) -> Result<(), SceneError> {
+        std::mem::replace(&mut self.pictures, Pictures::new()).load(&mut self.textures)
     }
 
     fn push_texture(&mut self, texture: Texture) -> TextureId {

@@ -46,19 +46,35 @@ impl Images {
     /// The first picture, in the order they were asked for, that cannot be read (see [`read`]); more than
     /// [`MAX_SCENE_BYTES`] of texels.
     pub(crate) fn load(self) -> Result<Vec<Arc<Image>>, SceneError> {
-        let total = AtomicU64::new(0);
+        let budget = Budget::default();
         let load = |request: Request| {
             let image = read(&request.path, request.encoding)
                 .map_err(|error| error.or_at(&format!("named by {}", request.place)))?;
-            let bytes = bytes_of(&image);
-            // Relaxed: a sum alone, which publishes nothing.
-            if total.fetch_add(bytes, Ordering::Relaxed) + bytes > MAX_SCENE_BYTES {
-                let message = format!("the scene's pictures take over {MAX_SCENE_BYTES} bytes");
-                return Err(SceneError::new(ErrorKind::Unsupported, &request.path, request.place, message));
-            }
+            budget
+                .take(&image)
+                .map_err(|(kind, message)| SceneError::new(kind, &request.path, request.place, message))?;
             Ok(Arc::new(image))
         };
         let loaded: Vec<_> = self.requests.into_par_iter().map(load).collect();
         loaded.into_iter().collect()
+    }
+}
+
+/// What the pictures of a scene have taken of [`MAX_SCENE_BYTES`].
+#[derive(Debug, Default)]
+pub(crate) struct Budget(AtomicU64);
+
+impl Budget {
+    /// Counts a picture in.
+    ///
+    /// # Errors
+    /// Where it is one too many.
+    pub(crate) fn take(&self, image: &Image) -> Result<(), (ErrorKind, String)> {
+        let bytes = bytes_of(image);
+        // Relaxed: a sum alone, which publishes nothing.
+        if self.0.fetch_add(bytes, Ordering::Relaxed) + bytes <= MAX_SCENE_BYTES {
+            return Ok(());
+        }
+        Err((ErrorKind::Unsupported, format!("the scene's pictures take over {MAX_SCENE_BYTES} bytes")))
     }
 }

@@ -15,7 +15,7 @@ use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Li
 use quietus_trace::desc::{Image, Texels};
 use quietus_trace::texture::srgb_to_linear;
 
-pub(crate) use batch::{ImageId, Images};
+pub(crate) use batch::{Budget, ImageId, Images};
 
 use crate::error::{ErrorKind, SceneError};
 
@@ -24,7 +24,7 @@ const MAX_TEXELS: u64 = 1 << 27;
 /// Most memory a decoder may take for one picture, in bytes.
 const MAX_DECODER_BYTES: u64 = 1 << 31;
 /// Most memory the pictures of one scene may take, in bytes.
-pub(crate) const MAX_SCENE_BYTES: u64 = 1 << 34;
+const MAX_SCENE_BYTES: u64 = 1 << 34;
 
 /// How numbers in a picture of 8 or 16 bits become linear ones. Pictures of floats are linear already.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -245,7 +245,7 @@ fn checked(
 }
 
 /// Bytes that the texels take in memory.
-pub(crate) fn bytes_of(image: &Image) -> u64 {
+fn bytes_of(image: &Image) -> u64 {
     let texel = match image.texels {
         Texels::Srgb8(_) | Texels::Linear8(_) => 4,
         Texels::Float(_) => 16,

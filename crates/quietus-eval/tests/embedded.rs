@@ -84,17 +84,14 @@ fn uniform_sampling_and_the_reference_agree() {
     of(&|energy| energy.darkest_fifth);
 }
 
-/// The default policy gains over uniform sampling of the same samples: its error is below that of a third more
-/// samples, spread evenly. The test that fails when policy, coordinator or bench break in a way that costs samples.
+/// The default policy gains over uniform sampling of the same samples: at as many of them, its squared error is below
+/// three quarters. The test that fails when policy, coordinator or bench break in a way that costs samples.
 #[test]
 fn quotas_gain() {
-    let quietus = series(Method::Quietus);
-    let samples = quietus.mean(|r| r.spp);
-    assert!((samples / BUDGET - 1.0).abs() < 0.05, "the search found the budget: {samples}");
-    let more = |s: &&Series| s.method == Method::Uniform && s.budget > 4.0 / 3.0 * samples;
-    let uniform = bench().sweep.iter().find(more).unwrap();
+    let (quietus, uniform) = (series(Method::Quietus), series(Method::Uniform));
+    assert!(quietus.mean(|r| r.spp) < 1.05 * uniform.mean(|r| r.spp), "the search found the budget");
     let error = |s: &Series| s.runs.iter().map(|r| r.errors.mean(Measure::Weighted)).collect::<Vec<_>>();
-    let less: Vec<f64> = error(uniform).iter().zip(error(quietus)).map(|(u, q)| u - q).collect();
+    let less: Vec<f64> = error(uniform).iter().zip(error(quietus)).map(|(u, q)| 0.75 * u - q).collect();
     let (t, quantile) = t(&less);
     assert!(t > quantile, "{t} {quantile}");
 }

@@ -226,8 +226,7 @@ fn a_tree_announced_before_it_is_made_is_caught() {
     let settings = Settings { mode: Mode::Deterministic { lag: 1 }, ..two_regions() };
     let (_, alone) = run(&settings, 1, |_| ());
     let caught = (0..ATTEMPTS).any(|_| {
-        let broken =
-            AdaptiveSampling::new(settings.clone()).unwrap().with_fault(Some(Fault::PublishEarly));
+        let broken = AdaptiveSampling::new(settings.clone()).unwrap().with_fault(Some(Fault::PublishEarly));
         let visits = draw(&broken, 8, |_| ());
         remains(&broken, visits) != alone
     });

@@ -521,6 +521,20 @@ fn instances_are_hit_as_copies() {
     assert!(hits > 1000 && odd <= 2, "{hits} hits, {odd} of them odd");
 }
 
+/// An instance costs its entry and its share of a node, however much it places.
+#[test]
+fn instances_cost_an_entry_each() {
+    let mut random = Random(11);
+    let clump = object(vec![random.soup(960, 0.1, OPAQUE)]);
+    let mut place = || instance(0, Affine3A::from_translation(20.0 * random.vec()));
+    let instances: Vec<_> = (0..5500).map(|_| place()).collect();
+    let bytes = |count| build(std::slice::from_ref(&clump), &instances[..count]).bytes();
+    let each = (bytes(5500) - bytes(2)) / 5498;
+    // 80 bytes of its own, and an eighth of a node of 256 bytes where nodes are full; they are at least a third full.
+    assert!((80 + 32..=80 + 96).contains(&each), "{each} bytes each");
+    assert_eq!(size_of::<Inner>(), 80);
+}
+
 /// A sphere stretched to an ellipsoid has a tree of its own, and the ellipsoid's equation holds at its hits.
 #[test]
 fn stretched_spheres_are_ellipsoids() {

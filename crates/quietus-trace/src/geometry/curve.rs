@@ -160,10 +160,9 @@ impl RibbonPart {
         for lane in 0..BLOCK {
             let cosine = normal_at(&self.normals, found.u.0[lane]).dot(ray.frame.normal).abs();
             let across = (found.v.0[lane] - 0.5) / cosine;
-            // So written that NaN, seen edge-on, fails.
-            if !(across.abs() <= 0.5) {
-                found.mask &= !(1 << lane);
-            }
+            // NaN, seen edge-on, is not met.
+            let met = across.abs() <= 0.5;
+            found.mask &= !(u32::from(!met) << lane);
             found.v.0[lane] = 0.5 + across;
         }
         (found.mask != 0).then_some(found)

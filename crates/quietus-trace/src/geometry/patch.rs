@@ -31,7 +31,7 @@ pub fn intersect(
     let c = p00.cross(direction).dot(p01 - p00);
     let b = p10.cross(direction).dot(p11 - p10) - (a + c);
     let discriminant = b * b - 4.0 * a * c;
-    if !(discriminant >= 0.0) {
+    if discriminant.is_nan() || discriminant < 0.0 {
         return None;
     }
     // The root that does not cancel, and the other from their product.

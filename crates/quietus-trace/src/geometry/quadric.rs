@@ -39,8 +39,8 @@ fn roots(f: DVec3, d: DVec3, radius: f64) -> Option<[f64; 2]> {
     let b = -f.dot(d);
     let nearest = f + d * (b / a);
     let discriminant = radius * radius - nearest.length_squared();
-    // So written that NaN, no direction across, fails.
-    if !(discriminant >= 0.0) {
+    // NaN: no direction across.
+    if discriminant.is_nan() || discriminant < 0.0 {
         return None;
     }
     let q = b + (a * discriminant).sqrt().copysign(b);

@@ -12,7 +12,7 @@ fn some_quadric(rng: &mut Rng, kind: usize) -> Quadric {
     let radius = 0.3 + rng.next_1d();
     let z_min = radius * (-1.2 + 0.8 * rng.next_1d()).max(-1.0);
     let z_max = (z_min + radius * (0.2 + rng.next_1d())).min(radius);
-    let phi_max = if kind % 2 == 0 { TAU_32 } else { 0.2 + 6.0 * rng.next_1d() };
+    let phi_max = if kind.is_multiple_of(2) { TAU_32 } else { 0.2 + 6.0 * rng.next_1d() };
     match kind % 3 {
         0 => Quadric::PartialSphere { radius, z_min, z_max, phi_max },
         1 => Quadric::Disk { height: z_min, radius, inner_radius: (radius - 0.8).max(0.0), phi_max },

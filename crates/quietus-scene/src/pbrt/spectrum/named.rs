@@ -178,15 +178,15 @@ pub(super) fn named(name: &str) -> Option<Spectrum> {
     match name {
         // Defined by its temperature, with an older second radiation constant (CIE 15:2004, section 3.1).
         "stdillum-A" => Some(Spectrum::BlackBody(2855.5)),
-        "stdillum-D50" => Some(daylight(DVec2::new(0.3457, 0.3585))),
-        "stdillum-D65" => Some(daylight(DVec2::new(0.3127, 0.3290))),
-        "illum-acesD60" => Some(daylight(DVec2::new(0.32168, 0.33767))),
+        "stdillum-D50" => Some(daylight(5000.0)),
+        "stdillum-D65" => Some(daylight(6500.0)),
+        "illum-acesD60" => Some(daylight(6000.0)),
         _ => None,
     }
 }
 
-fn daylight(xy: DVec2) -> Spectrum {
-    let daylight = Daylight::new(xy);
+fn daylight(kelvin: f64) -> Spectrum {
+    let daylight = Daylight::new(kelvin);
     let samples = (300..=830).step_by(10);
     Spectrum::Sampled(samples.map(|nm| (nm as f32, daylight.power(f64::from(nm)) as f32)).collect())
 }
@@ -198,10 +198,8 @@ fn metal(name: &str, real: bool) -> Option<Spectrum> {
         "MgO" | "TiO2" if !real => return Some(Spectrum::Sampled(vec![(360.0, 0.0), (830.0, 0.0)])),
         "MgO" => {
             return Some(sampled(|square| {
-                2.956_362
-                    - 0.010_623_87 * square
-                    - 0.000_020_496_8 * square * square
-                    - 0.021_957_70 / (square - 0.014_283_22)
+                2.956_362 - 0.010_623_87 * square - 0.000_020_496_8 * square * square
+                    + 0.021_957_70 / (square - 0.014_283_22)
             }));
         }
         "TiO2" => return Some(sampled(|square| 5.913 + 0.2441 / (square - 0.0803))),
@@ -248,7 +246,7 @@ mod tests {
             ("glass-F5", 1.6727),
             ("glass-F10", 1.7283),
             ("glass-F11", 1.7847),
-            ("metal-MgO-eta", 1.7358),
+            ("metal-MgO-eta", 1.737),
             ("metal-TiO2-eta", 2.613),
         ];
         for (name, expected) in cases {

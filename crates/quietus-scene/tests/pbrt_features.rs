@@ -1,0 +1,454 @@
+//! Scenes of pbrt written in place, each for one thing that its reader has to get right.
+
+use std::f32::consts::PI;
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+use quietus_scene::{Loaded, load, load_bytes};
+use quietus_trace::desc::{
+    Alpha, Camera, CurveKind, EnvironmentLayout, FrameAxis, Geometry, HairColor, Light, Mapping, Material,
+    Mesh, Metal, Projection, Quadric, RoughnessScale, SceneDesc, Shape, Surface, Texels, Texture, Wrap,
+};
+use quietus_trace::filter::FilterShape;
+
+fn read(text: &str) -> Loaded {
+    load_bytes(Path::new("test.pbrt"), text.as_bytes()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// What stands after `WorldBegin`.
+fn world(text: &str) -> SceneDesc {
+    read(&format!("WorldBegin\n{text}")).scene
+}
+
+/// What stands before it.
+fn header(text: &str) -> SceneDesc {
+    read(&format!("{text}\nWorldBegin")).scene
+}
+
+fn camera(text: &str) -> Camera {
+    header(text).cameras.remove(0)
+}
+
+fn material(text: &str) -> Material {
+    let scene = world(&format!("{text}\nShape \"sphere\""));
+    scene.materials[shapes(&scene)[0].material.0 as usize].clone()
+}
+
+fn shapes(scene: &SceneDesc) -> Vec<&Shape> {
+    scene.objects.iter().flat_map(|object| &object.shapes).collect()
+}
+
+fn mesh(shape: &Shape) -> &Mesh {
+    let Geometry::Mesh(mesh) = &shape.geometry else { panic!("expected a mesh, found {:?}", shape.geometry) };
+    mesh
+}
+
+fn close(a: Vec3, b: Vec3) -> bool {
+    a.abs_diff_eq(b, 1e-5)
+}
+
+const TRIANGLE: &str = "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]";
+
+#[test]
+fn cameras_look_along_left_handed_axes() {
+    let camera = camera("LookAt 0 0 5  0 0 0  0 1 0\nCamera \"perspective\" \"float fov\" 40");
+    assert!(close(camera.to_world.translation.into(), Vec3::new(0.0, 0.0, 5.0)));
+    assert!(close(camera.to_world.transform_vector3(Vec3::NEG_Z), Vec3::NEG_Z), "forward");
+    assert!(close(camera.to_world.transform_vector3(Vec3::Y), Vec3::Y), "up");
+    // The world's +x is on the left of the picture.
+    assert!(close(camera.to_world.transform_vector3(Vec3::X), Vec3::NEG_X), "right");
+    assert_eq!(
+        camera.projection,
+        Projection::Perspective { fov: 40_f32.to_radians(), axis: FrameAxis::Shorter }
+    );
+    assert_eq!((camera.lens_radius, camera.focus_distance), (0.0, 1e6));
+}
+
+#[test]
+fn scaled_cameras_see_the_same_with_longer_lengths() {
+    let lens = "\"float lensradius\" 0.5 \"float focaldistance\" 4";
+    let camera = camera(&format!("Scale 0.5 0.5 0.5\nCamera \"perspective\" {lens}"));
+    assert_eq!((camera.lens_radius, camera.focus_distance), (1.0, 8.0));
+    let scale = camera.to_world.matrix3.x_axis.length();
+    assert!((scale - 1.0).abs() < 1e-6, "cameras do not scale: {scale}");
+}
+
+#[test]
+fn screens_that_are_not_the_usual_ones() {
+    let film = "Film \"rgb\" \"integer xresolution\" 200 \"integer yresolution\" 100\n";
+    let fov = |camera: &str| match self::camera(&format!("{film}Camera \"perspective\" {camera}")).projection
+    {
+        Projection::Perspective { fov, axis } => (fov.to_degrees(), axis),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(fov("\"float screenwindow\" [-2 2 -1 1]").1, FrameAxis::Vertical);
+    assert!((fov("\"float screenwindow\" [-2 2 -1 1]").0 - 90.0).abs() < 1e-4);
+    let half = 2.0 * 0.5_f32.atan().to_degrees();
+    assert!((fov("\"float screenwindow\" [-1 1 -.5 .5]").0 - half).abs() < 1e-4);
+    assert!((fov("\"float frameaspectratio\" 2").0 - 90.0).abs() < 1e-4);
+    let camera = camera(&format!("{film}Camera \"orthographic\" \"float screenwindow\" [-6 6 -3 3]"));
+    assert_eq!(camera.projection, Projection::Orthographic { extent: 6.0, axis: FrameAxis::Vertical });
+    assert_eq!(camera.aspect, Some(2.0));
+}
+
+/// The direction at (u, v) of a picture with latitude and longitude, as `EnvironmentLayout` and `Projection` define it.
+fn lat_long(u: f32, v: f32) -> Vec3 {
+    let (longitude, polar) = (2.0 * PI * (u - 0.5), PI * v);
+    Vec3::new(polar.sin() * longitude.sin(), polar.cos(), -polar.sin() * longitude.cos())
+}
+
+#[test]
+fn spherical_cameras_turn_as_pbrts_do() {
+    let camera = camera("Camera \"spherical\" \"string mapping\" \"equirectangular\"");
+    assert_eq!(camera.projection, Projection::Spherical);
+    for (u, v) in [(0.1, 0.2), (0.5, 0.5), (0.8, 0.7)] {
+        let (phi, theta) = (2.0 * PI * u, PI * v);
+        let expected = Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
+        let found = camera.to_world.transform_vector3(lat_long(u, v));
+        assert!(close(found, expected), "{found} {expected}");
+    }
+}
+
+/// A float map of one row of `values` over another.
+fn float_map(path: &Path, width: usize, values: &[f32]) {
+    let mut bytes = format!("Pf\n{width} {}\n-1\n", values.len() / width).into_bytes();
+    for row in values.chunks(width).rev() {
+        bytes.extend(row.iter().flat_map(|value| value.to_le_bytes()));
+    }
+    std::fs::write(path, bytes).expect("a writable folder");
+}
+
+#[test]
+fn skies_turn_with_their_light() {
+    let folder = tempfile::tempdir().expect("a folder");
+    float_map(&folder.path().join("sky.pfm"), 4, &[1.0; 8]);
+    let path = folder.path().join("test.pbrt");
+    let light = "LightSource \"infinite\" \"string filename\" \"sky.pfm\" \"float scale\" 3";
+    std::fs::write(&path, format!("WorldBegin Rotate 30 0 1 0 Rotate -90 1 0 0 {light}")).expect("writable");
+    let sky = load(&path).expect("sound").scene.environment.expect("a sky");
+    assert_eq!((sky.layout, sky.scale), (EnvironmentLayout::LatLong, Vec3::splat(3.0)));
+    let turn = glam::Mat3::from_rotation_y(30_f32.to_radians()) * glam::Mat3::from_rotation_x(-0.5 * PI);
+    for (u, v) in [(0.1, 0.2), (0.5, 0.5), (0.8, 0.7)] {
+        // u counts phi from +x to +y and v theta from +z, in the light's space.
+        let (phi, theta) = (2.0 * PI * u, PI * v);
+        let own = Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+        assert!(close(sky.to_world * lat_long(u, v), turn * own));
+    }
+    // The same radiance everywhere gives pi times as much on a surface.
+    std::fs::write(&path, format!("WorldBegin {light} \"float illuminance\" 5")).expect("writable");
+    let sky = load(&path).expect("sound").scene.environment.expect("a sky");
+    assert!((sky.scale.x * PI / 5.0 - 1.0).abs() < 0.1, "{} on a coarse map", sky.scale);
+    float_map(&folder.path().join("sky.pfm"), 2, &[1.0; 4]);
+    let sky = load(&path).expect("sound").scene.environment.expect("a sky");
+    assert_eq!(sky.layout, EnvironmentLayout::EqualArea);
+}
+
+#[test]
+fn several_skies_become_one() {
+    let scene =
+        world("LightSource \"infinite\" \"rgb L\" [1 2 3] LightSource \"infinite\" \"rgb L\" [1 1 1]");
+    assert_eq!(scene.environment.expect("a sky").scale, Vec3::new(2.0, 3.0, 4.0));
+}
+
+#[test]
+fn film_filter_sampler_and_integrator() {
+    let picture = header(
+        "Film \"rgb\" \"integer xresolution\" 200 \"integer yresolution\" 100 \"float iso\" 200
+             \"float maxcomponentvalue\" 20 \"integer pixelbounds\" [50 100 0 50]
+         Camera \"perspective\" \"float shutterclose\" 0.25
+         PixelFilter \"mitchell\" \"float xradius\" 3
+         Sampler \"stratified\" \"integer xsamples\" 3
+         Integrator \"path\" \"integer maxdepth\" 0",
+    )
+    .picture;
+    assert_eq!(picture.size, Some([200, 100]));
+    assert_eq!(picture.crop, Some([0.25, 0.5, 0.0, 0.5]));
+    assert_eq!(picture.exposure, Some(Vec3::splat(0.5)), "a quarter of the time, twice the speed");
+    assert_eq!(picture.max_component, Some(20.0));
+    assert_eq!((picture.samples, picture.max_depth), (Some(12), Some(1)));
+    let filter = picture.filter.expect("a filter");
+    assert_eq!(filter.radius, Vec2::new(3.0, 2.0));
+    assert!(matches!(filter.shape, FilterShape::Mitchell { .. }));
+    let plain = header("").picture;
+    assert_eq!((plain.size, plain.exposure, plain.max_depth), (Some([1280, 720]), None, Some(6)));
+    assert_eq!(plain.filter, Some(quietus_trace::filter::Filter::GAUSSIAN));
+}
+
+#[test]
+fn mirrors_keep_the_front_and_reversal_exchanges_it() {
+    let scene = world(&format!("Scale -1 1 1 {TRIANGLE}"));
+    let [shape] = shapes(&scene)[..] else { panic!("expected one shape") };
+    let [a, b, c] = mesh(shape).triangles[0].map(|i| mesh(shape).positions[i as usize]);
+    assert!((b - a).cross(c - a).z > 0.0, "the front of the unmirrored triangle faces +z, and so it stays");
+    assert!(!shape.flipped);
+    let scene = world(&format!("ReverseOrientation {TRIANGLE} ReverseOrientation {TRIANGLE}"));
+    assert_eq!(shapes(&scene).iter().map(|shape| shape.flipped).collect::<Vec<_>>(), [true, false]);
+    // Normals decide the front where they are given.
+    let scene = world(&format!("{TRIANGLE} \"normal N\" [0 0 -1 0 0 -1 0 0 -1]"));
+    assert_eq!(mesh(shapes(&scene)[0]).triangles, [[0, 2, 1]]);
+}
+
+#[test]
+fn world_shapes_share_an_object_and_instances_stay() {
+    let scene = world(
+        "Translate 1 0 0 Shape \"sphere\" Shape \"disk\"
+         ObjectBegin \"a\" Translate 0 1 0 Shape \"sphere\" Rotate 90 1 0 0 Shape \"cylinder\" ObjectEnd
+         Scale 2 2 2 ObjectInstance \"a\" ObjectInstance \"a\"",
+    );
+    // The sphere; the disk, which has its own place; the object's sphere and cylinder, twice.
+    assert_eq!(scene.instances.len(), 1 + 1 + 2 * 2);
+    let Geometry::Sphere { center, radius } = scene.objects[0].shapes[0].geometry else { panic!("a sphere") };
+    assert_eq!((center, radius), (Vec3::X, 1.0));
+    let of_a: Vec<_> = scene.objects.iter().enumerate().filter(|(_, object)| object.name == "a").collect();
+    assert_eq!(of_a.len(), 2);
+    let sphere = scene.instances.iter().find(|i| i.object.0 as usize == of_a[0].0).expect("placed");
+    // Defined one to the right and one up, in a world that is then doubled and one further to the right.
+    assert!(close(sphere.to_world.transform_point3(Vec3::new(1.0, 1.0, 0.0)), Vec3::new(3.0, 2.0, 0.0)));
+}
+
+#[test]
+fn motion_is_what_the_shutter_sees_of_it() {
+    let moving = "ActiveTransform EndTime Translate 4 0 0 ActiveTransform All Shape \"sphere\"";
+    let instance = |header: &str| {
+        let scene = read(&format!("{header}\nWorldBegin {moving}")).scene;
+        assert_eq!(scene.instances.len(), 1);
+        let end = scene.instances[0].end_to_world.expect("it moves");
+        [Vec3::from(scene.instances[0].to_world.translation), end.translation.into()]
+    };
+    assert_eq!(instance(""), [Vec3::ZERO, Vec3::new(4.0, 0.0, 0.0)]);
+    let half = "Camera \"perspective\" \"float shutteropen\" 0.25 \"float shutterclose\" 0.5";
+    assert_eq!(instance(half), [Vec3::X, Vec3::new(2.0, 0.0, 0.0)]);
+    let later = "TransformTimes 0.25 0.75 Camera \"perspective\" \"float shutteropen\" 0.5";
+    assert_eq!(instance(later), [Vec3::new(2.0, 0.0, 0.0), Vec3::new(4.0, 0.0, 0.0)]);
+    let camera = camera("ActiveTransform EndTime Translate 0 0 1 ActiveTransform All Camera \"perspective\"");
+    assert!(camera.end_to_world.is_some());
+}
+
+#[test]
+fn materials_have_pbrts_defaults() {
+    let Surface::Diffuse { reflectance } = material("").surface else { panic!("diffuse") };
+    assert_eq!(reflectance.factor, Vec3::splat(0.5));
+    let Surface::CoatedDiffuse { coat, .. } = material("Material \"coateddiffuse\"").surface else {
+        panic!()
+    };
+    assert_eq!((coat.ior, coat.thickness.factor, coat.max_depth), (1.5, 0.01, 10));
+    assert_eq!((coat.albedo.factor, coat.roughness.scale), (Vec3::ZERO, RoughnessScale::SquareRoot));
+    let raw =
+        "Material \"dielectric\" \"float eta\" 1.3 \"float roughness\" 0.2 \"bool remaproughness\" false";
+    let Surface::Dielectric { ior, roughness, .. } = material(raw).surface else { panic!() };
+    assert_eq!((ior, roughness.u.factor, roughness.v.factor), (1.3, 0.2, 0.2));
+    assert_eq!(roughness.scale, RoughnessScale::Alpha);
+    let Surface::Conductor { metal: Metal::Index { eta, k }, .. } =
+        material("Material \"conductor\"").surface
+    else {
+        panic!("a metal")
+    };
+    // Copper: redder than blue.
+    let reflectance = ((eta - 1.0).powf(2.0) + k * k) / ((eta + 1.0).powf(2.0) + k * k);
+    assert!(reflectance.x > reflectance.y && reflectance.y > reflectance.z, "{reflectance}");
+    let Surface::Hair(hair) = material("Material \"hair\"").surface else { panic!() };
+    assert!(matches!(hair.color, HairColor::Pigments { eumelanin, .. } if eumelanin.factor == 1.3));
+    assert_eq!((hair.ior, hair.beta_m.factor, hair.alpha), (1.55, 0.3, 2_f32.to_radians()));
+}
+
+#[test]
+fn attributes_and_named_materials() {
+    let scene = world(
+        "NamedMaterial \"later\"
+         AttributeBegin Attribute \"shape\" \"float radius\" 3 Shape \"sphere\" Shape \"sphere\" \"float radius\" 2
+         AttributeEnd Shape \"sphere\"
+         MakeNamedMaterial \"later\" \"string type\" \"thindielectric\"",
+    );
+    let radius = |shape: &Shape| match shape.geometry {
+        Geometry::Sphere { radius, .. } => radius,
+        _ => panic!("a sphere"),
+    };
+    assert_eq!(shapes(&scene).into_iter().map(radius).collect::<Vec<_>>(), [3.0, 2.0, 1.0]);
+    assert!(matches!(scene.materials[0].surface, Surface::ThinDielectric { .. }));
+}
+
+#[test]
+fn equal_materials_are_one() {
+    let one =
+        "AttributeBegin Material \"diffuse\" \"rgb reflectance\" [.1 .2 .3] Shape \"sphere\" AttributeEnd\n";
+    assert_eq!(world(&one.repeat(9)).materials.len(), 1);
+    let lit = "AttributeBegin AreaLightSource \"diffuse\" \"rgb L\" [1 2 3] Shape \"sphere\" AttributeEnd\n";
+    assert_eq!(world(&(one.repeat(2) + &lit.repeat(2))).materials.len(), 2);
+}
+
+#[test]
+fn area_lights_shine_from_one_side_with_their_power() {
+    let light = |text: &str, shape: &str| {
+        let scene = world(&format!("AreaLightSource \"diffuse\" {text} {shape}"));
+        scene.materials[shapes(&scene)[0].material.0 as usize].clone()
+    };
+    let plain = light("\"rgb L\" [1 2 3] \"float scale\" 2", "Shape \"sphere\"");
+    assert_eq!((plain.emission.factor, plain.emission_two_sided), (Vec3::new(2.0, 4.0, 6.0), false));
+    let power = light("\"float power\" 8 \"bool twosided\" true", "Shape \"sphere\" \"float radius\" 2");
+    let expected = 8.0 / (2.0 * 4.0 * PI * 4.0 * PI);
+    assert!(close(power.emission.factor, Vec3::splat(expected)) && power.emission_two_sided);
+    let triangle = light("\"float power\" 8", &format!("Scale 2 2 2 {TRIANGLE}"));
+    assert!(close(triangle.emission.factor, Vec3::splat(8.0 / (2.0 * PI))));
+    let glowing = light("\"blackbody L\" 3000 \"float scale\" 5", "Shape \"sphere\"");
+    let luminance = glowing.emission.factor.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    assert!((luminance - 5.0).abs() < 1e-2, "{luminance}");
+}
+
+#[test]
+fn lights_without_surfaces() {
+    let scene = world(
+        "Translate 1 0 0
+         LightSource \"point\" \"rgb I\" [1 2 3] \"point3 from\" [0 1 0] \"float power\" 4
+         LightSource \"spot\" \"point3 to\" [2 0 0] \"float coneangle\" 40 \"float conedelta\" 10
+         LightSource \"distant\" \"point3 from\" [0 5 0] \"point3 to\" [0 0 0] \"float illuminance\" 7",
+    );
+    let [Light::Point { position, intensity }, Light::Spot { direction, inner_angle, outer_angle, .. }, sun] =
+        &scene.lights[..]
+    else {
+        panic!("{:?}", scene.lights)
+    };
+    assert_eq!(*position, Vec3::new(1.0, 1.0, 0.0));
+    assert!(close(*intensity, Vec3::new(1.0, 2.0, 3.0) / PI));
+    assert!(close(*direction, Vec3::X));
+    assert_eq!((*inner_angle, *outer_angle), (30_f32.to_radians(), 40_f32.to_radians()));
+    let Light::Directional { direction, irradiance } = sun else { panic!("{sun:?}") };
+    assert!(close(*direction, Vec3::NEG_Y) && close(*irradiance, Vec3::splat(7.0)));
+}
+
+#[test]
+fn pictures_hang_upright() {
+    let folder = tempfile::tempdir().expect("a folder");
+    float_map(&folder.path().join("a.pfm"), 1, &[0.25, 0.75]);
+    let path = folder.path().join("test.pbrt");
+    let text = "WorldBegin
+        Texture \"a\" \"spectrum\" \"imagemap\" \"string filename\" \"a.pfm\" \"float vscale\" 2 \"float vdelta\" 0.25
+            \"string wrap\" \"clamp\" \"float scale\" 0.5 \"bool invert\" true
+        Texture \"b\" \"float\" \"imagemap\" \"string filename\" \"a.pfm\" \"bool invert\" true
+        Texture \"c\" \"float\" \"scale\" \"texture tex\" \"b\" \"float scale\" 3
+        Material \"diffuse\" \"texture reflectance\" \"a\" \"texture displacement\" \"c\"
+        Shape \"sphere\" \"texture alpha\" \"b\"";
+    std::fs::write(&path, text).expect("writable");
+    let scene = load(&path).expect("sound").scene;
+    let Texture::Image(a) = &scene.textures[0] else { panic!("an image") };
+    assert_eq!((a.wrap, a.invert), ([Wrap::Clamp; 2], false));
+    let Mapping::Uv { transform, .. } = a.mapping else { panic!("{:?}", a.mapping) };
+    assert!(transform.transform_point2(Vec2::new(0.5, 0.25)).abs_diff_eq(Vec2::new(0.5, 0.25), 1e-6));
+    // A factor comes before inverting.
+    let Texels::Float(texels) = &a.image.texels else { panic!("floats") };
+    assert_eq!([texels[0][0], texels[1][0]], [1.0 - 0.5 * 0.25, 1.0 - 0.5 * 0.75]);
+    let material = &scene.materials[0];
+    let bump = material.bump.expect("a bump map");
+    assert_eq!((bump.factor, bump.texture), (3.0, Some((quietus_trace::desc::TextureId(1), 0))));
+    assert!(matches!(material.alpha, Alpha::Blend { value } if value.factor == 1.0));
+    // Texels lie where pbrt's parametrisation of the sphere puts them.
+    assert!(matches!(shapes(&scene)[0].geometry, Geometry::Quadric(Quadric::PartialSphere { .. })));
+}
+
+#[test]
+fn textures_of_textures() {
+    let scene = world(
+        "Texture \"a\" \"float\" \"checkerboard\" \"integer dimension\" 3
+         Texture \"b\" \"spectrum\" \"mix\" \"rgb tex1\" [1 0 0] \"texture amount\" \"a\"
+         Texture \"c\" \"spectrum\" \"scale\" \"texture tex\" \"b\" \"float scale\" 0.5
+         Texture \"d\" \"spectrum\" \"constant\" \"rgb value\" [.1 .2 .3]
+         Material \"diffusetransmission\" \"texture reflectance\" \"c\" \"texture transmittance\" \"d\"
+         Shape \"sphere\"",
+    );
+    assert!(matches!(scene.textures[0], Texture::Checkerboard { mapping: Mapping::Solid { .. }, .. }));
+    assert!(matches!(scene.textures[1], Texture::Mix { .. }));
+    let Surface::DiffuseTransmission { reflectance, transmittance } = scene.materials[0].surface else {
+        panic!()
+    };
+    assert_eq!(reflectance.factor, Vec3::splat(0.5));
+    assert_eq!(reflectance.texture, Some(quietus_trace::desc::TextureId(1)));
+    assert_eq!((transmittance.factor, transmittance.texture), (Vec3::new(0.1, 0.2, 0.3), None));
+}
+
+#[test]
+fn media_lie_where_interfaces_say() {
+    let scene = read(
+        "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"rgb sigma_s\" [1 2 3] \"float scale\" 0.5
+             \"float g\" 0.2
+         MediumInterface \"\" \"fog\" Camera \"perspective\"
+         WorldBegin Shape \"sphere\"
+         MediumInterface \"fog\" \"fog\" Shape \"sphere\"
+         MediumInterface \"\" Shape \"sphere\"",
+    )
+    .scene;
+    assert_eq!(scene.media[0].scattering, Vec3::new(0.5, 1.0, 1.5));
+    assert_eq!(scene.media[0].g, 0.2);
+    let fog = Some(quietus_trace::desc::MediumId(0));
+    assert_eq!(scene.cameras[0].medium, fog);
+    let media: Vec<_> = shapes(&scene).iter().map(|shape| shape.media).collect();
+    let border = media[0].expect("a border");
+    assert_eq!((border.inside, border.outside), (None, fog));
+    assert_eq!(media[1..], [None, None]);
+}
+
+#[test]
+fn curves_that_look_the_same_are_one_shape() {
+    let curve = "Shape \"curve\" \"string type\" \"cylinder\" \"float width0\" 0.2 \"float width1\" 0.1
+        \"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0 4 0 0 5 0 0 6 0 0]\n";
+    let scene = world(&format!("Scale 2 2 2 {curve} {curve} ReverseOrientation {curve}"));
+    let [a, b] = shapes(&scene)[..] else { panic!("{} shapes", shapes(&scene).len()) };
+    let segments = |shape: &Shape| match &shape.geometry {
+        Geometry::Curves(curves) => (curves.kind, curves.segments.clone()),
+        _ => panic!("curves"),
+    };
+    let (kind, both) = segments(if a.flipped { b } else { a });
+    assert_eq!((kind, both.len()), (CurveKind::Cylinder, 4));
+    assert!(close(both[1].points[3], Vec3::new(12.0, 0.0, 0.0)));
+    assert!((both[0].widths[1] - 0.3).abs() < 1e-6 && (both[1].widths[0] - 0.3).abs() < 1e-6);
+    assert_eq!(segments(if a.flipped { a } else { b }).1.len(), 2);
+}
+
+#[test]
+fn colour_spaces_and_coordinate_systems() {
+    let scene = world(
+        "ColorSpace \"rec2020\" Material \"diffuse\" \"rgb reflectance\" [.5 .5 .5] Shape \"sphere\"
+         Translate 1 2 3 CoordinateSystem \"here\" Identity AttributeBegin CoordSysTransform \"here\"
+         Shape \"sphere\" AttributeEnd",
+    );
+    let Surface::Diffuse { reflectance } = scene.materials[0].surface else { panic!() };
+    assert!(close(reflectance.factor, Vec3::splat(0.5)), "grey is grey everywhere");
+    let Geometry::Sphere { center, .. } = shapes(&scene)[1].geometry else { panic!() };
+    assert_eq!(center, Vec3::new(1.0, 2.0, 3.0));
+}
+
+#[test]
+fn included_files_go_on_and_imported_ones_leave_no_trace() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &[u8]| std::fs::write(folder.path().join(name), text).expect("writable");
+    write("part.pbrt", b"Translate 1 0 0 Shape \"sphere\"");
+    let read = |text: &str| {
+        write("main.pbrt", text.as_bytes());
+        let scene = load(&folder.path().join("main.pbrt")).unwrap_or_else(|error| panic!("{error}")).scene;
+        let center = |shape: &&Shape| match shape.geometry {
+            Geometry::Sphere { center, .. } => center.x,
+            _ => panic!("a sphere"),
+        };
+        shapes(&scene).iter().map(center).collect::<Vec<_>>()
+    };
+    assert_eq!(read("WorldBegin Include \"part.pbrt\" Shape \"sphere\""), [1.0, 1.0]);
+    assert_eq!(read("WorldBegin Import \"part.pbrt\" Shape \"sphere\""), [1.0, 0.0]);
+    // The same, packed.
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    std::io::Write::write_all(&mut packed, b"Translate 1 0 0 Shape \"sphere\"").expect("a writable vector");
+    write("part.pbrt.gz", &packed.finish().expect("a writable vector"));
+    assert_eq!(read("WorldBegin Include \"part.pbrt.gz\" Shape \"sphere\""), [1.0, 1.0]);
+}
+
+#[test]
+fn a_mesh_file_that_several_shapes_use() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 1 0 0 0 1 0 3 0 1 2\n";
+    std::fs::write(folder.path().join("a.ply"), ply).expect("writable");
+    let path = folder.path().join("main.pbrt");
+    let shape = "Shape \"plymesh\" \"string filename\" \"a.ply\"";
+    std::fs::write(&path, format!("WorldBegin {shape} Translate 0 0 1 {shape}")).expect("writable");
+    let scene = load(&path).expect("sound").scene;
+    let heights: Vec<_> = shapes(&scene).iter().map(|shape| mesh(shape).positions[0].z).collect();
+    assert_eq!(heights, [0.0, 1.0]);
+    assert_eq!(scene.instances.len(), 1);
+}

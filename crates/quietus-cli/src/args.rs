@@ -38,7 +38,7 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Say what is in a scene or an EXR file.
     Info {
-        /// A glTF 2.0 scene (.gltf, .glb) or an OpenEXR picture (.exr).
+        /// A glTF 2.0 (.gltf, .glb) or pbrt-v4 (.pbrt) scene or an OpenEXR picture (.exr).
         file: PathBuf,
     },
     /// Measure sampling policies on recorded samples: error, gain over uniform sampling, bias, artefacts.
@@ -49,7 +49,7 @@ pub(crate) enum Command {
 #[derive(Args, Clone, Debug)]
 #[command(after_help = format!("{EXAMPLES}\n\n{EXIT_CODES}"))]
 pub(crate) struct RenderArgs {
-    /// A glTF 2.0 scene (.gltf, .glb); the built-in one when absent.
+    /// A glTF 2.0 (.gltf, .glb) or pbrt-v4 (.pbrt) scene; the built-in one when absent.
     pub scene: Option<PathBuf>,
 
     /// Write the picture here: .exr (all channels) or .png (sRGB). Repeatable.

@@ -21,8 +21,8 @@ const FAULTS: &[(&str, &str, &str)] = &[
     ("W\n  Shape sphere", "2:9", "sphere after shape, expected a string in quotation marks"),
     ("W Shape", "1:17", "the file ends inside shape"),
     ("W Translate 1 2", "1:25", "the file ends inside Translate"),
-    ("W Translate 1 2 x", "1:25", "x in Translate, expected 3 numbers"),
-    ("W Transform [ 1 0 0 0 ]", "1:31", "] in Transform, expected 16 numbers"),
+    ("W Translate 1 2 x", "1:26", "x in Translate, expected 3 numbers"),
+    ("W Transform [ 1 0 0 0 ]", "1:32", "] in Transform, expected 16 numbers"),
     ("W AttributeBegin\n", "1:12", "AttributeBegin without AttributeEnd"),
     ("W\nAttributeEnd", "2:1", "AttributeEnd without AttributeBegin"),
     ("W AttributeBegin\nObjectEnd", "2:1", "ObjectEnd where AttributeEnd is expected"),
@@ -47,8 +47,8 @@ const FAULTS: &[(&str, &str, &str)] = &[
         "\"radius\" of shape \"sphere\" has type integer, expected float",
     ),
     ("W Shape \"sphere\"\n \"float radius\" [1 2]", "2:2", "\"float radius\" has 2 values, expected 1"),
-    ("W Shape \"sphere\"\n \"float radius\" [\"1\"]", "2:19", "\"1\" in \"float radius\", expected a number"),
-    ("W Shape \"sphere\"\n \"float radius\" inf", "2:18", "inf in \"float radius\", expected a number"),
+    ("W Shape \"sphere\"\n \"float radius\" [\"1\"]", "2:18", "\"1\" in \"float radius\", expected a number"),
+    ("W Shape \"sphere\"\n \"float radius\" inf", "2:17", "inf in \"float radius\", expected a number"),
     ("W Shape \"sphere\"\n \"float radius\" []", "2:2", "\"float radius\" has no value"),
     ("W Shape \"sphere\"\n \"float radius\" [1", "2:2", "\"float radius\" has no value"),
     (
@@ -163,7 +163,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
         "3:1",
         "float texture \"a\" is defined twice",
     ),
-    ("W\nTexture \"a\" \"float\" \"scale\" \"texture tex\" \"b\"", "2:28", "unknown float texture \"b\""),
+    ("W\nTexture \"a\" \"float\" \"scale\" \"texture tex\" \"b\"", "2:29", "unknown float texture \"b\""),
     // Lights.
     ("W\nLightSource \"sun\"", "2:1", "unknown light \"sun\""),
     ("W\nAreaLightSource \"difuse\"", "2:1", "unknown area light \"difuse\", did you mean \"diffuse\"?"),
@@ -241,8 +241,8 @@ const WARNINGS: &[(&str, &str, &str)] = &[
         "2:1",
         "are left out",
     ),
-    ("Material \"interface\" AreaLightSource \"diffuse\" Shape \"sphere\"", "2:47", "do not shine"),
-    ("ObjectBegin \"a\" AreaLightSource \"diffuse\" Shape \"sphere\" ObjectEnd", "2:42", "do not shine"),
+    ("Material \"interface\" AreaLightSource \"diffuse\" Shape \"sphere\"", "2:48", "do not shine"),
+    ("ObjectBegin \"a\" AreaLightSource \"diffuse\" Shape \"sphere\" ObjectEnd", "2:43", "do not shine"),
 ];
 
 #[test]

@@ -29,7 +29,7 @@ use super::transform::{Moving, mirrors, single, uniform_scale};
 /// Puts the scene together; area lights have asked for `images`.
 pub(super) fn scene(mut draft: Draft, images: Requests, context: &Context) -> Result<SceneDesc> {
     let mut groups = std::mem::take(&mut draft.groups);
-    let files = std::mem::take(&mut draft.ply);
+    let files = std::mem::take(&mut draft.ply).list;
     let textures = Textures::new(context, images, &draft.textures)?;
     let mut materials = Materials::new(context, &draft, textures);
     materials.make_all()?;

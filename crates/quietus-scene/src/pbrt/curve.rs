@@ -56,7 +56,7 @@ fn segment_count(params: &Params, points: usize, degree: usize, bezier: bool) ->
     };
     if bezier {
         // Each segment after the first starts where the last one ended.
-        if points <= degree || (points - 1) % degree != 0 {
+        if points <= degree || !(points - 1).is_multiple_of(degree) {
             return refuse(format!("{} and then multiples of {degree} more", degree + 1));
         }
         Ok((points - 1) / degree)

@@ -38,8 +38,24 @@ pub(super) struct Draft {
     /// The world first, then the definitions of objects.
     pub groups: Vec<Group>,
     pub uses: Vec<Use>,
-    /// PLY files, each once, and where they are first named.
-    pub ply: Vec<(PathBuf, Place)>,
+    pub ply: Files,
+}
+
+/// Files, each once, and where they are first named.
+#[derive(Debug, Default)]
+pub(super) struct Files {
+    pub list: Vec<(PathBuf, Place)>,
+    known: HashMap<PathBuf, usize>,
+}
+
+impl Files {
+    /// The number of a file in the list.
+    pub(super) fn ask(&mut self, path: PathBuf, place: Place) -> usize {
+        *self.known.entry(path).or_insert_with_key(|path| {
+            self.list.push((path.clone(), place));
+            self.list.len() - 1
+        })
+    }
 }
 
 /// A texture.
@@ -113,7 +129,7 @@ pub(super) enum Alpha {
 #[derive(Debug)]
 pub(super) enum Form {
     Mesh(Mesh),
-    /// Of [`Draft::ply`].
+    /// Of [`Draft::ply`]'s list.
     Ply(usize),
     Sphere(f32),
     Quadric(Quadric),

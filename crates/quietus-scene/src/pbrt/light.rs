@@ -176,31 +176,27 @@ fn brightened(image: &Image, constant: Vec3) -> Arc<Image> {
 /// Illuminance of an upward-facing (+z in the light's space) surface.
 fn illuminance(image: &Image, layout: EnvironmentLayout) -> f32 {
     let (width, height) = (image.width as usize, image.height as usize);
-    let texels = linear(image.texels.clone());
-    let mut sum = 0.0;
-    for (i, [r, g, b, _]) in texels.into_iter().enumerate() {
-        let (u, v) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-        // Cosine to +z and solid angle of the texel.
-        let (cosine, solid_angle) = match layout {
-            EnvironmentLayout::LatLong => {
-                let theta = std::f64::consts::PI * v / height as f64;
-                let cell = 2.0 * std::f64::consts::PI.powi(2) / (width * height) as f64;
-                (theta.cos(), theta.sin() * cell)
-            }
-            EnvironmentLayout::EqualArea => {
-                // Clarberg 2008: the height is a function of the distance from the middle in the maximum metric's
-                // rotated square.
-                let (x, y) = (2.0 * u / width as f64 - 1.0, 2.0 * v / height as f64 - 1.0);
-                let d = 1.0 - (x.abs() + y.abs());
-                let r = 1.0 - d.abs();
-                ((1.0 - r * r).copysign(d), 4.0 * std::f64::consts::PI / (width * height) as f64)
-            }
-        };
-        if cosine > 0.0 {
-            sum += f64::from(LUMINANCE.dot(Vec3::new(r, g, b))) * cosine * solid_angle;
+    // The cosine to +z, integrated over a texel.
+    let weight = |x: usize, y: usize| match layout {
+        EnvironmentLayout::LatLong => {
+            let half = 0.5 * std::f64::consts::PI;
+            let edge = |y: usize| (2.0 * half * y as f64 / height as f64).min(half).sin().powi(2);
+            half * 2.0 * (edge(y + 1) - edge(y)) / width as f64
         }
-    }
-    sum as f32
+        EnvironmentLayout::EqualArea => {
+            // The height depends on the distance from the middle alone, as the sum of both coordinates measures it
+            // (Clarberg 2008, "Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD").
+            let at = |i: usize, count: usize| (2.0 * (i as f64 + 0.5) / count as f64 - 1.0).abs();
+            let inside = 1.0 - (at(x, width) + at(y, height));
+            let cosine = 1.0 - (1.0 - inside.abs()).powi(2);
+            let solid_angle = 4.0 * std::f64::consts::PI / (width * height) as f64;
+            if inside > 0.0 { cosine * solid_angle } else { 0.0 }
+        }
+    };
+    let texels = linear(image.texels.clone()).into_iter().enumerate();
+    let light = texels
+        .map(|(i, [r, g, b, _])| f64::from(LUMINANCE.dot(Vec3::new(r, g, b))) * weight(i % width, i / width));
+    light.sum::<f64>() as f32
 }
 
 fn infinite(params: &Params, to_world: DAffine3, context: &Context, images: &mut Requests) -> Result<Sky> {

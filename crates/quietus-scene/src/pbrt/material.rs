@@ -342,7 +342,10 @@ impl<'a, 'c> Materials<'a, 'c> {
     fn hair(&self, params: &Params) -> Result<Surface> {
         let textures = &self.textures;
         let absorption = textures.color_option(params, "sigma_a", f32::INFINITY)?;
-        let reflectance = textures.color_option(params, "reflectance", 1.0)?;
+        let reflectance = match textures.color_option(params, "reflectance", 1.0)? {
+            None => textures.color_option(params, "color", 1.0)?,
+            given => given,
+        };
         let pigments =
             [textures.number_option(params, "eumelanin")?, textures.number_option(params, "pheomelanin")?];
         let nothing = ScalarParam::constant(0.0);

@@ -1,14 +1,13 @@
 //! Shapes, in their own space.
 
-use std::path::PathBuf;
 use std::rc::Rc;
 
 use glam::{Vec2, Vec3};
 use quietus_trace::desc::{Mesh, PatchMesh, Quadric};
 
 use super::curve;
-use super::draft::{Alpha, Entity, Form, Shape, Style};
-use super::fault::{Context, Fault, Place, Result, unknown};
+use super::draft::{Alpha, Entity, Files, Form, Shape, Style};
+use super::fault::{Context, Fault, Result, unknown};
 use super::params::{Kind, Params, Values};
 use super::transform::Moving;
 
@@ -22,7 +21,7 @@ pub(super) fn read(
     to_world: Moving,
     style: Rc<Style>,
     context: &Context,
-    ply: &mut Vec<(PathBuf, Place)>,
+    ply: &mut Files,
 ) -> Result<Option<Shape>> {
     let params = &entity.params;
     let form = match &*entity.kind {
@@ -193,7 +192,7 @@ fn patches(params: &Params, context: &Context) -> Result<PatchMesh> {
     Ok(PatchMesh { positions, patches, normals, uvs })
 }
 
-fn ply_mesh(params: &Params, context: &Context, ply: &mut Vec<(PathBuf, Place)>) -> Result<usize> {
+fn ply_mesh(params: &Params, context: &Context, ply: &mut Files) -> Result<usize> {
     let Some(name) = params.string("filename")? else {
         return Err(Fault::invalid(params.place, "shape \"plymesh\" has no \"string filename\""));
     };
@@ -201,11 +200,5 @@ fn ply_mesh(params: &Params, context: &Context, ply: &mut Vec<(PathBuf, Place)>)
         context.warn(params.place_of("displacement"), "displacement is not drawn: meshes keep their form");
     }
     params.ignore(&["displacement", "displacement.edgelength", "edgelength", "uvscale"]);
-    let path = context.resolve(name);
-    // Most scenes name each file once, and one after the other.
-    let known = ply.iter().rposition(|(other, _)| *other == path);
-    Ok(known.unwrap_or_else(|| {
-        ply.push((path, params.place_of("filename")));
-        ply.len() - 1
-    }))
+    Ok(ply.ask(context.resolve(name), params.place_of("filename")))
 }

@@ -9,11 +9,12 @@ use super::cie::Daylight;
 const HIGHEST_ENERGY: f64 = 3.3;
 const ENERGY_STEP: f64 = 0.1;
 /// Energy times wavelength, in eV nm.
-const EV_NM: f64 = 1239.841_98;
+const EV_NM: f64 = 1_239.841_98;
 
 /// Complex index of refraction of metals, eta + i k, at the photon energies above. Ag, Al and Au: E. D. Palik (ed.)
 /// 1985, "Handbook of Optical Constants of Solids"; Cu: Hagemann, Gudat, Kunz 1975, J. Opt. Soc. Am. 65, 742; CuZn:
 /// 70 % copper, Querry 1985, "Optical Constants", report CRDC-CR-85034.
+#[allow(clippy::approx_constant, reason = "an index of refraction that happens to be 6.28")]
 const METALS: [(&str, [f32; 18], [f32; 18]); 5] = [
     (
         "Ag",

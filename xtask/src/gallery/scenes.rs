@@ -181,3 +181,60 @@ fn sheet(rows: &[Row]) -> RgbImage {
     }
     sheet
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drawn(width: u32, height: u32) -> Result<Drawn> {
+        let picture = RgbImage::from_pixel(width, height, Rgb([200; 3]));
+        let warnings = vec!["a | b".to_owned()];
+        Ok(Drawn { picture, spp: 12.3, load: 0.04, seconds: 30.01, stopped_by: "time".to_owned(), warnings })
+    }
+
+    #[test]
+    fn rows_say_what_happened() {
+        assert_eq!(
+            line(5, "a/b.pbrt", &drawn(1, 1)),
+            "| 2, 2 | a/b.pbrt | 12, time was up | 0.0 s | 30.0 s | a / b |"
+        );
+        let refused = line(0, "c.glb", &Err(anyhow::anyhow!("no such\nfile | here")));
+        assert_eq!(refused, "| 1, 1 | c.glb | | | | not drawn: no such file   here |");
+        assert_eq!(picture_name("a/b.pbrt"), "a-b.png");
+        let said =
+            "warning: /x/a.pbrt: 3:1: odd\n/x/a.pbrt asks for: much\nwarning: 2 samples were not finite";
+        assert_eq!(warnings(said, "/x/a.pbrt"), ["3:1: odd", "2 samples were not finite"]);
+    }
+
+    /// Five pictures are two rows, each in the middle of its cell; what was not drawn leaves its cell empty.
+    #[test]
+    fn the_sheet_holds_every_picture() {
+        let outcomes =
+            [drawn(640, 360), drawn(10, 400), Err(anyhow::anyhow!("no")), drawn(1, 1), drawn(640, 480)];
+        let rows = outcomes.map(|outcome| Row { scene: String::new(), outcome });
+        let sheet = sheet(&rows);
+        assert_eq!(sheet.dimensions(), (4 * 244 + 4, 2 * 184 + 4));
+        let centre = |column: u32, row: u32| sheet.get_pixel(column * 244 + 4 + 120, row * 184 + 4 + 90).0[0];
+        assert_eq!(
+            [centre(0, 0), centre(1, 0), centre(2, 0), centre(3, 0), centre(0, 1)],
+            [200, 200, 32, 200, 200]
+        );
+    }
+
+    #[test]
+    fn the_table_stands_between_its_marks() {
+        let folder = tempfile::tempdir().unwrap();
+        let readme = folder.path().join("README.md");
+        let text = std::fs::read_to_string(root().join("docs/gallery/README.md")).unwrap();
+        std::fs::write(&readme, &text).unwrap();
+        let scenes = Scenes { seconds: 7, only: None, keep: None };
+        let rows = [Row { scene: "a.glb".to_owned(), outcome: drawn(1, 1) }];
+        for _ in 0..2 {
+            scenes.write_table(&readme, &rows).unwrap();
+        }
+        let written = std::fs::read_to_string(&readme).unwrap();
+        assert_eq!(written.matches("| 1, 1 | a.glb |").count(), 1);
+        assert!(written.contains("`cargo xtask gallery scenes --seconds 7`"));
+        assert_eq!(written.split("<!--").next(), text.split("<!--").next());
+    }
+}

@@ -175,3 +175,62 @@ fn material_errors_are_passed_on() {
     let error = refusal(|desc| desc.materials[0].normal_map = Some((TextureId(0), 1.0)));
     assert!(matches!(error, Error::Material(MaterialError::NoSuchTexture { .. })), "{error}");
 }
+
+#[test]
+fn shapes_without_extent_are_refused() {
+    use crate::desc::{CurveKind, CurveSegment, Curves, PatchMesh, Quadric};
+    let message = |geometry: Geometry| {
+        let error = refusal(|desc| desc.objects[0].shapes[1].geometry = geometry).to_string();
+        error.strip_prefix("object 0 \"thing\", shape 1").expect("says where").to_owned()
+    };
+    let (radius, phi_max) = (1.0, 1.0);
+    let quadrics = [
+        (Quadric::Cylinder { radius: -1.0, z_min: 0.0, z_max: 1.0, phi_max }, ": radius is -1;"),
+        (Quadric::Cylinder { radius, z_min: 1.0, z_max: 0.0, phi_max }, ": range of heights is 1..0;"),
+        (Quadric::PartialSphere { radius, z_min: 0.0, z_max: 2.0, phi_max }, ": range of heights is 0..2;"),
+        (Quadric::Disk { height: f32::NAN, radius, inner_radius: 0.0, phi_max }, ": height is NaN;"),
+        (Quadric::Disk { height: 0.0, radius, inner_radius: 1.0, phi_max }, ": inner radius is 1;"),
+        (Quadric::Disk { height: 0.0, radius, inner_radius: 0.0, phi_max: 7.0 }, ": swept angle is 7;"),
+    ];
+    for (quadric, expected) in quadrics {
+        let message = message(Geometry::Quadric(quadric));
+        assert!(message.starts_with(expected), "{message}");
+    }
+    let flat =
+        PatchMesh { positions: vec![Vec3::ZERO; 3], patches: vec![[0, 1, 2, 3]], ..PatchMesh::default() };
+    let found = message(Geometry::Patches(Arc::new(flat)));
+    assert_eq!(found, ", patch 0: vertex 3 does not exist; there are 3");
+    let short = PatchMesh { positions: vec![Vec3::ZERO; 4], uvs: vec![Vec2::ZERO], ..PatchMesh::default() };
+    let found = message(Geometry::Patches(Arc::new(short)));
+    assert_eq!(found, ": 1 texture coordinates, expected 4");
+    let sound = CurveSegment {
+        points: [Vec3::ZERO; 4],
+        widths: [0.1; 2],
+        u_range: [0.0, 1.0],
+        normals: [Vec3::Z; 2],
+    };
+    let curves = [
+        (CurveSegment { widths: [0.1, -0.1], ..sound }, ", segment 0: width is -0.1;"),
+        (CurveSegment { points: [Vec3::NAN; 4], ..sound }, ", segment 0: control point is"),
+        (CurveSegment { normals: [Vec3::ONE; 2], ..sound }, ", segment 0: normal is [1, 1, 1];"),
+    ];
+    for (segment, expected) in curves {
+        let curves = Curves { kind: CurveKind::Ribbon, segments: vec![segment] };
+        let message = message(Geometry::Curves(Arc::new(curves)));
+        assert!(message.starts_with(expected), "{message}");
+    }
+}
+
+#[test]
+fn motions_that_lead_nowhere_are_refused() {
+    let mirror = Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
+    let message = refusal(|desc| desc.instances[0].end_to_world = Some(mirror)).to_string();
+    assert!(message.starts_with("instance 0: transform when the shutter closes is"), "{message}");
+    let expected = "object 0 \"thing\", shape 0: 1 positions when the shutter closes, expected 3";
+    assert_eq!(with_mesh(|mesh| mesh.end_positions = vec![Vec3::ZERO]), expected);
+    let message = with_mesh(|mesh| {
+        mesh.normals = vec![Vec3::Z; 3];
+        mesh.end_positions = mesh.positions.clone();
+    });
+    assert_eq!(message, "object 0 \"thing\", shape 0: 0 normals when the shutter closes, expected 3");
+}

@@ -195,6 +195,52 @@ fn channel_info(channel: &AnyChannel<FlatSamples>) -> ExrChannel {
     ExrChannel { name, kind, min, mean: sum / finite.max(1) as f64, max, nonfinite }
 }
 
+/// Any EXR file's channels as floats, those of its first layer that has red, green and blue.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExrPlanes {
+    /// Width and height of the data window.
+    pub size: [u32; 2],
+    /// Names and values, row by row from the top, in file order.
+    pub channels: Vec<(String, Vec<f32>)>,
+    /// The layer's text attributes, see [`ExrLayer::metadata`].
+    pub metadata: Metadata,
+}
+
+impl ExrPlanes {
+    /// The values of a channel.
+    pub fn channel(&self, name: &str) -> Option<&[f32]> {
+        self.channels.iter().find(|(n, _)| n == name).map(|(_, values)| values.as_slice())
+    }
+
+    /// Pixels of the channels R, G and B.
+    pub fn rgb(&self) -> Option<Vec<[f32; 3]>> {
+        let [r, g, b] = ["R", "G", "B"].map(|name| self.channel(name));
+        let ((r, g), b) = r.zip(g).zip(b)?;
+        Some(r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect())
+    }
+}
+
+/// Reads the channels of any EXR file.
+///
+/// # Errors
+/// When it is missing, is no EXR file with flat layers, or no layer has the channels R, G and B.
+pub fn read_exr_planes(path: &Path) -> Result<ExrPlanes, OutputError> {
+    let image = read_flat(path)?;
+    let wrong = |message: &str| OutputError::Format { path: path.to_owned(), message: message.into() };
+    let planes = |layer: &Layer<AnyChannels<FlatSamples>>| ExrPlanes {
+        size: [layer.size.0 as u32, layer.size.1 as u32],
+        channels: (layer.channel_data.list.iter())
+            .map(|channel| (string(&channel.name), channel.sample_data.values_as_f32().collect()))
+            .collect(),
+        metadata: metadata(layer),
+    };
+    let has_colors = |layer: &&Layer<AnyChannels<FlatSamples>>| {
+        ["R", "G", "B"].iter().all(|name| layer.channel_data.list.iter().any(|channel| channel.name == **name))
+    };
+    let colored = image.layer_data.iter().find(has_colors);
+    colored.map(planes).ok_or_else(|| wrong("no layer has the channels `R`, `G` and `B`"))
+}
+
 /// Reads a picture that [`write_exr`] wrote, with its metadata sorted by name.
 ///
 /// # Errors

@@ -94,6 +94,11 @@ impl Quietus {
         Ok((serde_json::from_str(&text).context("the statistics are no JSON")?, said))
     }
 
+    /// The program.
+    pub(crate) fn program(&self) -> &Path {
+        &self.program
+    }
+
     /// Where a render without `-o` puts its picture.
     pub(crate) fn picture(&self) -> PathBuf {
         self.scratch.path().join("picture.exr")

@@ -7,6 +7,7 @@ use std::time::Duration;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use quietus_film::Window;
 
+use crate::compare::CompareArgs;
 use crate::error::EXIT_CODES;
 use crate::eval::EvalArgs;
 
@@ -43,6 +44,8 @@ pub(crate) enum Command {
     },
     /// Measure sampling policies on recorded samples: error, gain over uniform sampling, bias, artefacts.
     Eval(Box<EvalArgs>),
+    /// Say how far pictures are apart: error, FLIP, brightness, worst tiles.
+    Compare(CompareArgs),
 }
 
 /// Flags of `quietus render`.

@@ -12,6 +12,8 @@ use quietus_scene::SceneError;
 pub(crate) enum Ending {
     /// All is well.
     Success,
+    /// Pictures that differ more than was allowed.
+    Different,
     /// Flags that make no sense, alone or together.
     Usage,
     /// A scene or another input that cannot be read or drawn.
@@ -29,6 +31,7 @@ impl Ending {
     pub(crate) fn code(self) -> u8 {
         match self {
             Self::Success => 0,
+            Self::Different => 1,
             Self::Usage => 2,
             Self::Input => 3,
             Self::Output => 4,
@@ -48,6 +51,7 @@ impl From<Ending> for ExitCode {
 pub(crate) const EXIT_CODES: &str = "\
 Exit codes:
     0  done
+    1  pictures that differ more than was allowed
     2  flags that make no sense, alone or together
     3  a scene or another input that cannot be read or drawn
     4  an output that cannot be written
@@ -129,6 +133,7 @@ mod tests {
     fn the_table_in_the_help_lists_every_code() {
         let endings = [
             Ending::Success,
+            Ending::Different,
             Ending::Usage,
             Ending::Input,
             Ending::Output,

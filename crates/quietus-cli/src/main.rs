@@ -1,6 +1,7 @@
 //! The `quietus` program: arguments, messages and exit codes. All work is done by the libraries.
 
 mod args;
+mod compare;
 mod error;
 mod eval;
 mod info;
@@ -44,6 +45,7 @@ fn run(cli: Cli) -> Result<Ending, Failure> {
             Ok(Ending::Success)
         }
         Some(Command::Eval(args)) => eval::run(&args),
+        Some(Command::Compare(args)) => compare::run(&args),
         None => render::run(&built_in()),
     }
 }

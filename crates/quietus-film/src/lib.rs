@@ -21,5 +21,5 @@ pub use film::{Aovs, Film, Replicate, TileCopy};
 pub use layout::{Layout, LayoutError, TILE, TILE_PIXELS, Window};
 pub use output::{OutputError, OutputFormat, check_writable, remove_unfinished, write_atomically};
 pub use picture::Picture;
-pub use png_file::{srgb8, write_png};
+pub use png_file::{srgb8, write_png, write_rgb_png};
 pub use rejected::{RejectedSample, RejectedSamples};

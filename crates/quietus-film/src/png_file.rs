@@ -21,10 +21,21 @@ pub fn srgb8(linear: f32) -> u8 {
 /// # Errors
 /// When the file cannot be written; `path` is then as it was.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), OutputError> {
-    let bytes: Vec<u8> = picture.beauty.iter().flat_map(|&[r, g, b, _]| [r, g, b].map(srgb8)).collect();
+    let pixels: Vec<[u8; 3]> = picture.beauty.iter().map(|&[r, g, b, _]| [r, g, b].map(srgb8)).collect();
+    write_rgb_png(path, [picture.window.width(), picture.window.height()], &pixels)
+}
+
+/// Writes pixels, row by row from the top, as they are.
+///
+/// # Errors
+/// When the file cannot be written; `path` is then as it was.
+///
+/// # Panics
+/// When there are not `size[0] * size[1]` pixels.
+pub fn write_rgb_png(path: &Path, size: [u32; 2], pixels: &[[u8; 3]]) -> Result<(), OutputError> {
     write_atomically(path, |writer| {
         PngEncoder::new(writer)
-            .write_image(&bytes, picture.window.width(), picture.window.height(), ExtendedColorType::Rgb8)
+            .write_image(pixels.as_flattened(), size[0], size[1], ExtendedColorType::Rgb8)
             .map_err(|error| OutputError::Format { path: path.to_owned(), message: error.to_string() })
     })
 }

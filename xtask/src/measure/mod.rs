@@ -4,6 +4,7 @@ mod artefacts;
 mod bits;
 mod figure1;
 mod protocol;
+mod results;
 
 use anyhow::Result;
 use clap::Subcommand;
@@ -22,6 +23,12 @@ pub(crate) enum Measure {
     Scaling,
     /// Figure 1 of the talk: `tile` beside `quietus` at the same number of samples
     Figure1,
+    /// What every policy gains and loses on every scene, by replay: docs/results.md
+    Results {
+        /// Only scenes whose path contains this
+        #[arg(long)]
+        only: Option<String>,
+    },
 }
 
 pub(crate) fn measure(what: &Measure) -> Result<()> {
@@ -32,5 +39,6 @@ pub(crate) fn measure(what: &Measure) -> Result<()> {
         Measure::Bits => bits::bits(&quietus),
         Measure::Scaling => protocol::scaling(&quietus),
         Measure::Figure1 => figure1::figure1(&quietus),
+        Measure::Results { only } => results::results(&quietus, only.as_deref()),
     }
 }

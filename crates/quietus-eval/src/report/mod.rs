@@ -6,4 +6,5 @@ mod plot;
 mod table;
 
 pub use html::{Scene, html};
+pub use plot::heat;
 pub use table::{DEFAULT_MEASURE, equivalence_table, table};

@@ -98,7 +98,7 @@ pub(crate) fn png(width: u32, pixels: &[[u8; 3]], zoom: u32) -> Result<Vec<u8>, 
 }
 
 /// Black over purple and orange to pale yellow, for 0..=1: brightness rises evenly.
-pub(crate) fn heat(value: f64) -> [u8; 3] {
+pub fn heat(value: f64) -> [u8; 3] {
     const STOPS: [[f64; 3]; 5] = [
         [0.0, 0.0, 4.0],
         [87.0, 16.0, 110.0],

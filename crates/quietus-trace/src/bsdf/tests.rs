@@ -124,7 +124,7 @@ fn judge_densities(bsdfs: &[(String, Bsdf<'static>)]) {
                 Some(s.wi)
             };
             let seed = (i * 100 + j) as u64;
-            let p = chi_square_directions(seed, 300_000, sample, |wi| bsdf.pdf(wo, wi));
+            let p = chi_square_directions(seed, 150_000, sample, |wi| bsdf.pdf(wo, wi));
             suite.judge(p, format!("{name}, wo = {wo}"));
         }
     }

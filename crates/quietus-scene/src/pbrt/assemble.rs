@@ -10,8 +10,8 @@ use std::sync::Arc;
 
 use glam::{DAffine3, Vec3, Vec4};
 use quietus_trace::desc::{
-    CurveKind, Curves, Geometry, Instance, Material, MaterialId, MediumInterface, Mesh, Object, ObjectId,
-    Quadric, SceneDesc, Shape,
+    Curves, Geometry, Instance, Material, MaterialId, MediumInterface, Mesh, Object, ObjectId, Quadric,
+    SceneDesc, Shape,
 };
 
 use super::camera::{self, Shutter};
@@ -111,13 +111,16 @@ struct Builder<'a, 'c> {
 
 /// What shapes must have in common to be drawn as one.
 type CurveKey = (MaterialId, Option<MediumInterface>, bool, CurveKindKey);
+/// Which kind of curve, as a number that can be hashed.
 type CurveKindKey = u8;
 
 /// An object being filled.
 #[derive(Default)]
 struct Filling {
     shapes: Vec<Shape>,
-    curves: HashMap<CurveKey, Curves>,
+    /// Curves that look the same, in the order in which they first appear.
+    curves: Vec<(CurveKey, Curves)>,
+    by_look: HashMap<CurveKey, usize>,
 }
 
 /// Everything that lies in the same place.
@@ -198,29 +201,40 @@ impl Builder<'_, '_> {
             inside: self.media.get(inside.as_ref())?,
             outside: self.media.get(outside.as_ref())?,
         };
-        let still = shape.to_world.is_still();
-        let to_world = shape.to_world.0[0];
-        let mut flipped = style.reversed;
-        let (geometry, place) = match shape.form {
+        let media = (media.inside != media.outside).then_some(media);
+        // Patches in the world have been mirrored with it, which exchanges their sides.
+        let (still, to_world) = (shape.to_world.is_still(), shape.to_world.0[0]);
+        let exchanged = matches!(shape.form, Form::Patches(_)) && still && mirrors(&to_world);
+        let flipped = style.reversed ^ exchanged;
+        let (geometry, place) = self.geometry(shape.form, shape.to_world, made, material);
+        Ok((Shape { geometry, material, media, flipped }, place))
+    }
+
+    /// The form of a shape, in the world where it can be, and else where it lies.
+    fn geometry(
+        &self,
+        form: Form,
+        to_world: Moving,
+        made: Option<Made>,
+        material: MaterialId,
+    ) -> (Geometry, Moving) {
+        match form {
             Form::Mesh(_) | Form::Ply(_) => {
                 let Some(Made { mesh, baked, .. }) = made else {
                     unreachable!("every mesh of the draft has been made")
                 };
-                let place = if baked { Moving::IDENTITY } else { shape.to_world };
+                let place = if baked { Moving::IDENTITY } else { to_world };
                 (Geometry::Mesh(self.with_tangents(mesh, material)), place)
             }
-            Form::Sphere(radius) => self.sphere(radius, shape.to_world, self.materials.is_textured(material)),
-            Form::Quadric(quadric) => (Geometry::Quadric(quadric), shape.to_world),
-            Form::Patches(mut patches) if still => {
-                meshes::bake_patches(&mut patches, &to_world);
-                flipped ^= mirrors(&to_world);
+            Form::Sphere(radius) => self.sphere(radius, to_world, self.materials.is_textured(material)),
+            Form::Quadric(quadric) => (Geometry::Quadric(quadric), to_world),
+            Form::Patches(mut patches) if to_world.is_still() => {
+                meshes::bake_patches(&mut patches, &to_world.0[0]);
                 (Geometry::Patches(Arc::new(patches)), Moving::IDENTITY)
             }
-            Form::Patches(patches) => (Geometry::Patches(Arc::new(patches)), shape.to_world),
-            Form::Curves(curves) => self::curves(curves, shape.to_world),
-        };
-        let media = (media.inside != media.outside).then_some(media);
-        Ok((Shape { geometry, material, media, flipped }, place))
+            Form::Patches(patches) => (Geometry::Patches(Arc::new(patches)), to_world),
+            Form::Curves(curves) => self::curves(curves, to_world),
+        }
     }
 
     /// The light of a shape, unless it is where pbrt draws none.
@@ -295,16 +309,16 @@ impl Filling {
     /// Adds to the curves that look the same.
     fn add_curves(&mut self, shape: &Shape, curves: &Arc<Curves>) {
         let key = (shape.material, shape.media, shape.flipped, curves.kind as CurveKindKey);
-        let all =
-            self.curves.entry(key).or_insert_with(|| Curves { kind: curves.kind, segments: Vec::new() });
-        all.segments.extend_from_slice(&curves.segments);
+        let index = *self.by_look.entry(key).or_insert_with(|| {
+            self.curves.push((key, Curves { kind: curves.kind, segments: Vec::new() }));
+            self.curves.len() - 1
+        });
+        self.curves[index].1.segments.extend_from_slice(&curves.segments);
     }
 
     fn finish(self) -> Vec<Shape> {
         let mut shapes = self.shapes;
-        let mut curves: Vec<_> = self.curves.into_iter().collect();
-        curves.sort_by_key(|((material, ..), curves)| (material.0, curves.kind as CurveKindKey));
-        shapes.extend(curves.into_iter().map(|((material, media, flipped, _), curves)| Shape {
+        shapes.extend(self.curves.into_iter().map(|((material, media, flipped, _), curves)| Shape {
             geometry: Geometry::Curves(Arc::new(curves)),
             material,
             media,
@@ -391,6 +405,3 @@ fn tangents(mesh: &Mesh) -> Vec<Vec4> {
     }
     sums.into_iter().map(|sum| sum.normalize_or_zero().extend(1.0)).collect()
 }
-
-/// Which kind of curve, as a number that can be compared.
-const _: () = assert!(CurveKind::Flat as CurveKindKey == 0);

@@ -1,18 +1,18 @@
-//! The directives: what each expects, and what it does to the graphics state and the draft of the scene.
+//! The directives: what each expects, and what it does to the graphics state and the draft of the scene. Those that
+//! change the current transform are in `placing`.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::rc::Rc;
 
-use glam::{DAffine3, DMat4, DVec3};
-
+use super::arguments::string;
 use super::draft::{Attributes, Draft, Entity, Group, MaterialRef, Medium, Style, TextureEntity, Use};
 use super::fault::{Context, Fault, Place, Result, unknown};
 use super::images::Requests;
 use super::lexer::{Lexer, Token};
-use super::params::{self, Params, number};
+use super::params::{self, Params};
 use super::spectrum::ColorSpace;
-use super::transform::{Moving, look_at};
+use super::transform::Moving;
 use super::{light, shape};
 use crate::file;
 
@@ -24,7 +24,7 @@ const MAX_INCLUDES: u32 = 1 << 16;
 const MAX_NESTING: usize = 1 << 16;
 
 /// Every directive, for messages.
-const DIRECTIVES: [&str; 41] = [
+pub(super) const DIRECTIVES: [&str; 41] = [
     "Accelerator",
     "ActiveTransform",
     "AreaLightSource",
@@ -70,10 +70,10 @@ const DIRECTIVES: [&str; 41] = [
 
 /// What `AttributeEnd` brings back.
 #[derive(Clone, Debug)]
-struct State {
-    to_world: Moving,
+pub(super) struct State {
+    pub to_world: Moving,
     /// Which of the two times transforms apply to.
-    active: [bool; 2],
+    pub active: [bool; 2],
     style: Rc<Style>,
     space: ColorSpace,
     attributes: Attributes,
@@ -104,9 +104,9 @@ pub(super) struct Parser<'c> {
     pub draft: Draft,
     /// Pictures that area lights ask for.
     pub images: Requests,
-    state: State,
+    pub state: State,
     stack: Vec<(Block, State, Place)>,
-    spaces: HashMap<Box<str>, Moving>,
+    pub spaces: HashMap<Box<str>, Moving>,
     in_world: bool,
     /// The definition that shapes go to; 0 is the world.
     group: usize,
@@ -527,151 +527,4 @@ impl<'c> Parser<'c> {
         ]);
         params.finish()
     }
-
-    /// The directives that change the current transform.
-    fn transform(&mut self, word: &str, place: Place, lexer: &mut Lexer<'_>) -> Result<()> {
-        match word {
-            "Identity" => self.set(Moving::IDENTITY),
-            "Translate" => {
-                let offset = DVec3::from_array(numbers(word, lexer)?);
-                self.concat(DAffine3::from_translation(offset), place)?;
-            }
-            "Scale" => self.concat(DAffine3::from_scale(DVec3::from_array(numbers(word, lexer)?)), place)?,
-            "Rotate" => {
-                let [degrees, x, y, z] = numbers(word, lexer)?;
-                let axis = DVec3::new(x, y, z).try_normalize();
-                let axis = axis.ok_or_else(|| Fault::invalid(place, "Rotate around an axis of length 0"))?;
-                self.concat(DAffine3::from_axis_angle(axis, degrees.to_radians()), place)?;
-            }
-            "LookAt" => {
-                let [eye, target, up] = points(numbers::<9>(word, lexer)?);
-                let view = look_at(eye, target, up).ok_or_else(|| {
-                    Fault::invalid(
-                        place,
-                        "LookAt expects an eye, another point, and an up that is not between them",
-                    )
-                })?;
-                self.concat(view, place)?;
-            }
-            "Transform" => {
-                let matrix = matrix(word, place, lexer)?;
-                self.set(Moving::still(matrix));
-            }
-            "ConcatTransform" => {
-                let matrix = matrix(word, place, lexer)?;
-                self.concat(matrix, place)?;
-            }
-            "CoordinateSystem" => {
-                let name = string(word, lexer)?;
-                self.spaces.insert(name.into(), self.state.to_world);
-            }
-            "CoordSysTransform" => {
-                let at = lexer.place();
-                let name = string(word, lexer)?;
-                let Some(space) = self.spaces.get(&*name) else {
-                    let known: Vec<&str> = self.spaces.keys().map(|name| &**name).collect();
-                    return Err(Fault::invalid(at, unknown("coordinate system", &name, &known)));
-                };
-                // As in pbrt, whatever the active time.
-                self.state.to_world = *space;
-            }
-            "ActiveTransform" => {
-                let (token, at) = required(word, lexer)?;
-                self.state.active = match token {
-                    Token::Word("StartTime") => [true, false],
-                    Token::Word("EndTime") => [false, true],
-                    Token::Word("All") => [true, true],
-                    other => {
-                        let message = format!("{}, expected StartTime, EndTime or All", other.describe());
-                        return Err(Fault::syntax(at, message));
-                    }
-                };
-            }
-            "TransformTimes" => self.draft.times = Some(numbers::<2>(word, lexer)?.map(|time| time as f32)),
-            "WorldEnd" => {
-                self.context.warn(place, "WorldEnd is not part of pbrt-v4; it is passed over");
-            }
-            _ => return Err(Fault::invalid(place, unknown("directive", word, &DIRECTIVES))),
-        }
-        Ok(())
-    }
-
-    fn set(&mut self, transform: Moving) {
-        for time in 0..2 {
-            if self.state.active[time] {
-                self.state.to_world.0[time] = transform.0[time];
-            }
-        }
-    }
-
-    fn concat(&mut self, transform: DAffine3, place: Place) -> Result<()> {
-        let joined = self.state.to_world.after(Moving::still(transform));
-        self.set(joined);
-        let sound = |t: &DAffine3| t.is_finite() && t.inverse().is_finite();
-        if joined.0.iter().all(sound) {
-            return Ok(());
-        }
-        Err(Fault::invalid(place, "the transform cannot be undone: it flattens space or overflows"))
-    }
-}
-
-fn required<'a>(word: &str, lexer: &mut Lexer<'a>) -> Result<(Token<'a>, Place)> {
-    let place = lexer.place();
-    lexer.next()?.ok_or_else(|| Fault::syntax(place, format!("the file ends inside {word}")))
-}
-
-/// A string in quotation marks.
-fn string(word: &str, lexer: &mut Lexer<'_>) -> Result<String> {
-    match required(word, lexer)? {
-        (Token::Quoted(text), _) => Ok(text.into_owned()),
-        (other, at) => {
-            let message = format!("{} after {word}, expected a string in quotation marks", other.describe());
-            Err(Fault::syntax(at, message))
-        }
-    }
-}
-
-/// Numbers without brackets.
-fn numbers<const N: usize>(word: &str, lexer: &mut Lexer<'_>) -> Result<[f64; N]> {
-    let mut values = [0.0; N];
-    for value in &mut values {
-        let (token, at) = required(word, lexer)?;
-        let found = match token {
-            Token::Word(text) => number(text).and_then(|_| text.parse().ok()),
-            _ => None,
-        };
-        *value = found.ok_or_else(|| {
-            let message = format!("{} in {word}, expected {N} numbers", token.describe());
-            Fault::syntax(at, message)
-        })?;
-    }
-    Ok(values)
-}
-
-fn points([a, b, c, d, e, f, g, h, i]: [f64; 9]) -> [DVec3; 3] {
-    [DVec3::new(a, b, c), DVec3::new(d, e, f), DVec3::new(g, h, i)]
-}
-
-/// Sixteen numbers, column by column, in brackets or not.
-fn matrix(word: &str, place: Place, lexer: &mut Lexer<'_>) -> Result<DAffine3> {
-    let bracketed = matches!(lexer.peek()?, Some(Token::Open));
-    if bracketed {
-        lexer.next()?;
-    }
-    let values = numbers::<16>(word, lexer)?;
-    if bracketed && !matches!(required(word, lexer)?.0, Token::Close) {
-        return Err(Fault::syntax(place, format!("{word} expects 16 numbers and a closing bracket")));
-    }
-    let matrix = DMat4::from_cols_array(&values);
-    if matrix.row(3) != glam::DVec4::W {
-        return Err(Fault::unsupported(
-            place,
-            format!("{word} with perspective, expected 0 0 0 1 as last row"),
-        ));
-    }
-    let transform = DAffine3::from_mat4(matrix);
-    if !transform.inverse().is_finite() {
-        return Err(Fault::invalid(place, format!("{word} cannot be undone: it flattens space")));
-    }
-    Ok(transform)
 }

@@ -1,6 +1,7 @@
-//! One entry to everything a developer of Quietus does: `cargo xtask test`, `lint`, `bench`, `measure`, `gallery`.
+//! One entry to everything a developer of Quietus does: `cargo xtask test`, `lint`, `bench`, `fuzz`, `measure`, `gallery`.
 
 mod bench;
+mod fuzz;
 mod gallery;
 mod lint;
 mod measure;
@@ -30,6 +31,8 @@ enum Task {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<String>,
     },
+    /// Hostile files for every reader, with libFuzzer on a stable toolchain (see docs/fuzzing.md)
+    Fuzz(fuzz::Fuzz),
     /// Measurements behind the figures in docs/measurements.md
     #[command(subcommand)]
     Measure(measure::Measure),
@@ -47,6 +50,7 @@ fn main() -> anyhow::Result<()> {
         Task::Lint => lint::lint(),
         Task::Deny => lint::deny(),
         Task::Bench { arguments } => bench::bench(&arguments),
+        Task::Fuzz(what) => fuzz::fuzz(&what),
         Task::Measure(what) => measure::measure(&what),
         Task::Gallery { what } => gallery::gallery(what),
     }

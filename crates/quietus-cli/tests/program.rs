@@ -186,6 +186,76 @@ fn an_environment_takes_the_place_of_the_sky_made_up_for_dark_scenes() {
     assert_eq!(said("--env sky.exr"), camera);
 }
 
+/// A triangle that moves by a unit along x, from 1 to 2 seconds; its first animation stands still.
+const MOVING: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+    "nodes": [{"mesh": 0}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+        {"bufferView": 1, "componentType": 5126, "count": 2, "type": "SCALAR"},
+        {"bufferView": 0, "componentType": 5126, "count": 2, "type": "VEC3"},
+        {"componentType": 5126, "count": 2, "type": "VEC3"}],
+    "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 1, "byteLength": 8}],
+    "buffers": [{"byteLength": 36, "uri":
+        "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"},
+        {"byteLength": 8, "uri": "data:application/octet-stream;base64,AACAPwAAAEA="}],
+    "animations": [
+        {"name": "rest", "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+            "samplers": [{"input": 1, "output": 3}]},
+        {"name": "go", "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+            "samplers": [{"input": 1, "output": 2}]}
+    ]}"#;
+
+#[test]
+fn frames_are_numbered_and_move() {
+    let dir = dir();
+    std::fs::write(dir.path().join("moving.gltf"), MOVING).unwrap();
+    let draw = |flags: &str| {
+        let flags = format!("render moving.gltf --size 24x16 --spp 4 --filter box {flags}");
+        let output = quietus(dir.path(), &flags);
+        assert!(output.status.success(), "{flags}: {}", stderr(&output));
+        stderr(&output)
+    };
+    let said = draw("--frames 11-13 --fps 8 --animation go -o go.##.exr --stats go.json");
+    assert_eq!(said.matches("no camera").count(), 1, "warnings are said once: {said}");
+    let mut expected: Vec<_> =
+        [11, 12, 13].iter().flat_map(|i| [format!("go.{i}.exr"), format!("go.00{i}.json")]).collect();
+    expected.push("moving.gltf".to_owned());
+    expected.sort();
+    assert_eq!(files(dir.path()), expected);
+    let picture = |name: &str| read_exr(&dir.path().join(name)).unwrap();
+    let (frame, metadata) = picture("go.12.exr");
+    let get = |name: &str| metadata.iter().find(|(n, _)| n == name).map(|(_, value)| value.as_str());
+    let settings = [("animation", "go"), ("frame", "12"), ("fps", "8.0"), ("shutter", "0.5")];
+    for (name, value) in settings {
+        assert_eq!(get(name), Some(value), "{name}");
+    }
+    assert_ne!(frame.beauty, picture("go.13.exr").0.beauty);
+    draw("--frame 12 --fps 8 --animation 1 -o one.exr");
+    assert!(picture("one.exr").0 == frame, "a frame does not depend on the others");
+    draw("--frame 12 --fps 8 --animation go --shutter 0 -o sharp.exr");
+    assert_ne!(picture("sharp.exr").0.beauty, frame.beauty, "what moves is blurred");
+    let said = draw("--frame 99 -o rest.exr");
+    assert!(said.contains("drawing `rest`, the first of 2 animations"), "{said}");
+    assert!(said.contains("`rest` ends after 2.000 s, with frame 48"), "{said}");
+    let said = draw("-o still.exr");
+    assert!(said.contains("the pose stored in the file is drawn"), "{said}");
+    let info = quietus(dir.path(), "info moving.gltf");
+    let info = String::from_utf8_lossy(&info.stdout).into_owned();
+    assert!(info.contains("animation 0  rest, 2.000 s\nanimation 1  go, 2.000 s"), "{info}");
+    let refusals = [
+        ("--frame 1 --animation jump", "no animation is called `jump`; the scene has `rest`, `go`"),
+        ("--frames 3", "expected the first and the last frame"),
+        ("--frames 3-4 --frame 3", "cannot be used with"),
+        ("--shutter 0.5", "--shutter needs --frame or --frames"),
+        ("--frame 1 --shutter 2", "expected a number from 0 to 1"),
+    ];
+    for (flags, expected) in refusals {
+        let message = refused(dir.path(), &format!("render moving.gltf {flags}"), 2);
+        assert!(message.contains(expected), "{flags}: {message}");
+    }
+    let message = refused(dir.path(), "render --frame 1", 2);
+    assert!(message.contains("the built-in scene has no frames"), "{message}");
+}
+
 #[test]
 fn flags_that_make_no_sense_are_usage_errors() {
     let dir = dir();

@@ -19,8 +19,15 @@ use crate::image::{Encoding, Format, decode};
 /// Where the file is missing, cannot be read, is neither format, is malformed, is larger than 2^27 texels or
 /// holds values that are not finite.
 pub fn load_environment(path: &Path) -> Result<Environment, SceneError> {
-    let bytes = crate::file::read(path)?;
-    let format = Format::of(path, &bytes);
+    load_environment_bytes(path, &crate::file::read(path)?)
+}
+
+/// As [`load_environment`], with the file's content already in memory: `path` is for messages.
+///
+/// # Errors
+/// As [`load_environment`].
+pub fn load_environment_bytes(path: &Path, bytes: &[u8]) -> Result<Environment, SceneError> {
+    let format = Format::of(path, bytes);
     let Some(format @ (Format::OpenExr | Format::Known(ImageFormat::Hdr))) = format else {
         let message =
             "expected a Radiance picture (starting with \"#?\") or OpenEXR (starting with 76 2f 31 01)";

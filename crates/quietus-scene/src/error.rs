@@ -1,5 +1,6 @@
 //! What can go wrong while reading a scene, and what is merely worth saying.
 
+use std::collections::HashSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -95,7 +96,7 @@ impl fmt::Display for SceneError {
 }
 
 /// Something a reader left out, replaced or added, which the picture may show.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Warning {
     /// Where in the scene file, as in [`SceneError::place`]; empty where the whole file is meant.
     pub place: String,
@@ -109,5 +110,27 @@ impl fmt::Display for Warning {
             write!(f, "{}: ", self.place)?;
         }
         f.write_str(&self.message)
+    }
+}
+
+/// Warnings in the order in which they were first said, each once.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Warnings {
+    list: Vec<Warning>,
+    said: HashSet<Warning>,
+}
+
+impl Warnings {
+    /// Says `message` about `place`.
+    pub(crate) fn say(&mut self, place: &str, message: impl Into<String>) {
+        let warning = Warning { place: place.to_owned(), message: message.into() };
+        if self.said.insert(warning.clone()) {
+            self.list.push(warning);
+        }
+    }
+
+    /// All of them.
+    pub(crate) fn into_list(self) -> Vec<Warning> {
+        self.list
     }
 }

@@ -14,9 +14,14 @@ const MAX_FILE_BYTES: u64 = 1 << 32;
 /// Reads the file at `path`.
 ///
 /// # Errors
-/// Where it is missing, cannot be read, or is larger than [`MAX_FILE_BYTES`].
+/// Where it is missing, cannot be read, is larger than [`MAX_FILE_BYTES`], or is no file but a device or a pipe, for
+/// which a reader could wait for ever.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
     let io = |error: std::io::Error| SceneError::io(path, &error);
+    if !std::fs::metadata(path).map_err(io)?.is_file() {
+        let message = "is not a regular file";
+        return Err(SceneError::new(ErrorKind::Unreadable, path, "", message));
+    }
     let file = File::open(path).map_err(io)?;
     let mut bytes = Vec::new();
     file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;

@@ -57,17 +57,10 @@ impl Framing {
 
     /// Shows `scene`, too.
     pub(crate) fn include(&mut self, scene: &SceneDesc) {
-        for instance in &scene.instances {
-            for shape in &scene.objects[instance.object.0 as usize].shapes {
-                let Geometry::Mesh(mesh) = &shape.geometry else { continue };
-                let mut used = vec![false; mesh.positions.len()];
-                mesh.triangles.iter().flatten().for_each(|&i| used[i as usize] = true);
-                for (position, _) in mesh.positions.iter().zip(used).filter(|(_, used)| *used) {
-                    let point = instance.to_world.transform_point3(*position) - self.center;
-                    self.views.iter_mut().for_each(|view| view.include(point, &self.shapes));
-                }
-            }
-        }
+        let Self { center, shapes, views, .. } = self;
+        summary::for_each_outermost(scene, &mut |point| {
+            views.iter_mut().for_each(|view| view.include(point - *center, shapes));
+        });
     }
 
     /// Of [`VIEWS`] the first that is not blocked by the backs of surfaces: those of a room seen from outside.
@@ -158,19 +151,33 @@ fn slope() -> f32 {
     MARGIN * (0.5 * FRAMING_FOV_Y).tan()
 }
 
-/// The corners of every placed triangle, counter-clockwise seen from its front.
+/// Most triangles that views are judged by.
+const MAX_JUDGED: usize = 1 << 20;
+
+/// The corners of every placed triangle, counter-clockwise seen from its front; of every n-th where there are more than
+/// [`MAX_JUDGED`].
 fn world_triangles(scene: &SceneDesc) -> Vec<[Vec3; 3]> {
-    let mut triangles = Vec::new();
-    for instance in &scene.instances {
+    let meshes = scene.instances.iter().flat_map(|instance| {
+        let shapes = scene.objects[instance.object.0 as usize].shapes.iter();
+        shapes.filter_map(move |shape| match &shape.geometry {
+            Geometry::Mesh(mesh) => Some((instance, mesh)),
+            _ => None,
+        })
+    });
+    let total: usize = meshes.clone().map(|(_, mesh)| mesh.triangles.len()).sum();
+    let step = total.div_ceil(MAX_JUDGED).max(1);
+    let mut triangles = Vec::with_capacity(total.min(MAX_JUDGED));
+    let mut skip = 0;
+    for (instance, mesh) in meshes {
         let mirrored = instance.to_world.matrix3.determinant() < 0.0;
-        for shape in &scene.objects[instance.object.0 as usize].shapes {
-            let Geometry::Mesh(mesh) = &shape.geometry else { continue };
-            triangles.extend(mesh.triangles.iter().map(|triangle| {
-                let corner = |i: u32| instance.to_world.transform_point3(mesh.positions[i as usize]);
-                let [a, b, c] = triangle.map(corner);
-                if mirrored { [a, c, b] } else { [a, b, c] }
-            }));
-        }
+        triangles.extend(mesh.triangles.iter().skip(skip).step_by(step).map(|triangle| {
+            let corner = |i: u32| instance.to_world.transform_point3(mesh.positions[i as usize]);
+            let [a, b, c] = triangle.map(corner);
+            if mirrored { [a, c, b] } else { [a, b, c] }
+        }));
+        // How far behind the next mesh's beginning the next triangle of the row lies.
+        let count = mesh.triangles.len();
+        skip = if skip >= count { skip - count } else { (step - (count - skip) % step) % step };
     }
     triangles
 }

@@ -21,10 +21,16 @@ use std::path::Path;
 use quietus_trace::desc::{Environment, SceneDesc};
 
 pub use embedded::embedded;
-pub use environment::load_environment;
+pub use environment::{load_environment, load_environment_bytes};
 pub use error::{ErrorKind, SceneError, Warning};
 pub use scene_file::{Animation, SceneFile};
 pub use summary::{Summary, summary};
+
+/// A limit on what a file may make its reader hold; under the fuzzer a smaller one, so that it finds ways around it
+/// before it has filled the machine's memory.
+const fn limit(bytes: u64) -> u64 {
+    if cfg!(fuzzing) { bytes >> 8 } else { bytes }
+}
 
 /// A scene as read from a file.
 #[derive(Clone, Debug)]
@@ -64,6 +70,16 @@ pub fn load(path: &Path) -> Result<Loaded, SceneError> {
 /// As [`load`].
 pub fn load_bytes(path: &Path, bytes: &[u8]) -> Result<Loaded, SceneError> {
     SceneFile::open_bytes(path, bytes)?.still()
+}
+
+/// Decodes a picture of any format that scenes may use (PNG, JPEG, TGA, BMP, WebP, QOI, Radiance HDR, OpenEXR or PFM)
+/// as colours with the sRGB curve, where it does not hold floats; `path` is for messages, and its extension tells TGA,
+/// which has no mark of its own.
+///
+/// # Errors
+/// Where the picture is malformed, of another format, or larger than 2^27 texels.
+pub fn read_image_bytes(path: &Path, bytes: &[u8]) -> Result<quietus_trace::desc::Image, SceneError> {
+    image::read_bytes(path, bytes, image::Encoding::Srgb)
 }
 
 /// Reads the mesh in a PLY file whose content is `bytes`, unpacked; `path` is for messages.

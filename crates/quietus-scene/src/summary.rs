@@ -79,43 +79,74 @@ pub(crate) fn emits(material: &Material) -> bool {
     material.emission.factor.max_element() > 0.0
 }
 
-/// The world's bounding box. Spheres are bounded by their transformed box.
+/// The world's bounding box, as [`for_each_outermost`] sees it.
 pub(crate) fn bounds(scene: &SceneDesc) -> Option<[Vec3; 2]> {
+    let bounds = bounds_of(|see| for_each_outermost(scene, see));
+    (bounds[0].x <= bounds[1].x).then_some(bounds)
+}
+
+/// The box around what `points` shows.
+fn bounds_of(points: impl FnOnce(&mut dyn FnMut(Vec3))) -> [Vec3; 2] {
     let mut bounds = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+    points(&mut |point| bounds = [bounds[0].min(point), bounds[1].max(point)]);
+    bounds
+}
+
+/// Shows points in the world whose hull holds all that is placed: vertices of meshes, and corners of boxes around
+/// other shapes. Of objects that are placed many times only the corners of the box around them are shown, so that the
+/// work does not grow as vertices times instances.
+pub(crate) fn for_each_outermost(scene: &SceneDesc, see: &mut dyn FnMut(Vec3)) {
+    const MANY: u32 = 64;
+    let mut times = vec![0_u32; scene.objects.len()];
     for instance in &scene.instances {
-        let Some(object) = scene.objects.get(instance.object.0 as usize) else { continue };
-        let mut grow = |point: Vec3| {
-            let world = instance.to_world.transform_point3(point);
-            bounds = [bounds[0].min(world), bounds[1].max(world)];
-        };
-        for shape in &object.shapes {
-            match &shape.geometry {
-                Geometry::Mesh(mesh) => {
-                    let used = mesh.triangles.iter().flatten();
-                    used.filter_map(|&i| mesh.positions.get(i as usize)).for_each(|&p| grow(p));
-                }
-                Geometry::Sphere { center, radius } => {
-                    let radius = Vec3::splat(*radius);
-                    corners(*center - radius, *center + radius).for_each(&mut grow);
-                }
-                Geometry::Quadric(quadric) => {
-                    let [low, high] = quadric_box(quadric);
-                    corners(low, high).for_each(&mut grow);
-                }
-                Geometry::Patches(mesh) => {
-                    let used = mesh.patches.iter().flatten();
-                    used.filter_map(|&i| mesh.positions.get(i as usize)).for_each(|&p| grow(p));
-                }
-                Geometry::Curves(curves) => {
-                    for segment in &curves.segments {
-                        let half = Vec3::splat(0.5 * segment.widths[0].max(segment.widths[1]));
-                        segment.points.iter().flat_map(|&p| corners(p - half, p + half)).for_each(&mut grow);
-                    }
+        if let Some(times) = times.get_mut(instance.object.0 as usize) {
+            *times = times.saturating_add(1);
+        }
+    }
+    let mut boxes = vec![None; scene.objects.len()];
+    for instance in &scene.instances {
+        let index = instance.object.0 as usize;
+        let Some(object) = scene.objects.get(index) else { continue };
+        let mut place = |point: Vec3| see(instance.to_world.transform_point3(point));
+        if times[index] <= MANY {
+            for_each_point(object, &mut place);
+            continue;
+        }
+        let [low, high] = *boxes[index].get_or_insert_with(|| bounds_of(|see| for_each_point(object, see)));
+        if low.x <= high.x {
+            corners(low, high).for_each(place);
+        }
+    }
+}
+
+/// Shows points of `object` whose hull holds it.
+fn for_each_point(object: &Object, see: &mut dyn FnMut(Vec3)) {
+    for shape in &object.shapes {
+        match &shape.geometry {
+            Geometry::Mesh(mesh) => {
+                let used = mesh.triangles.iter().flatten();
+                used.filter_map(|&i| mesh.positions.get(i as usize)).for_each(|&p| see(p));
+            }
+            Geometry::Sphere { center, radius } => {
+                let radius = Vec3::splat(*radius);
+                corners(*center - radius, *center + radius).for_each(&mut *see);
+            }
+            Geometry::Quadric(quadric) => {
+                let [low, high] = quadric_box(quadric);
+                corners(low, high).for_each(&mut *see);
+            }
+            Geometry::Patches(mesh) => {
+                let used = mesh.patches.iter().flatten();
+                used.filter_map(|&i| mesh.positions.get(i as usize)).for_each(|&p| see(p));
+            }
+            Geometry::Curves(curves) => {
+                for segment in &curves.segments {
+                    let half = Vec3::splat(0.5 * segment.widths[0].max(segment.widths[1]));
+                    segment.points.iter().flat_map(|&p| corners(p - half, p + half)).for_each(&mut *see);
                 }
             }
         }
     }
-    (bounds[0].x <= bounds[1].x).then_some(bounds)
 }
 
 /// The corners of a box.

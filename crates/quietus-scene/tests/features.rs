@@ -234,7 +234,7 @@ fn cameras() {
     let mut document = triangle();
     document["cameras"] = json!([
         {"type": "perspective", "perspective": {"yfov": 0.7, "aspectRatio": 1.5, "znear": 0.1}},
-        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "zfar": 2, "znear": 1}}
+        {"type": "orthographic", "orthographic": {"xmag": 3, "ymag": -2, "zfar": 2, "znear": 1}}
     ]);
     document["nodes"] = json!([
         {"mesh": 0},
@@ -244,12 +244,16 @@ fn cameras() {
     ]);
     document["scenes"][0]["nodes"] = json!([0, 1, 2, 3]);
     let cameras = read_ok(&document).scene.cameras;
-    assert_eq!(cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>(), ["left", "left 2"]);
+    assert_eq!(
+        cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>(),
+        ["left", "left 2", "cameras[1]"]
+    );
     assert_eq!((fov(&cameras[0]), cameras[0].aspect), (0.7, Some(1.5)));
     let axes = cameras[0].to_world.matrix3;
     assert_eq!(axes.determinant(), 1.0, "scale and mirroring are taken off: {axes}");
     assert_eq!(axes.z_axis, glam::Vec3A::NEG_Z, "the mirrored node looks the other way");
-    warns(&document, "cameras[1]: orthographic");
+    assert_eq!(cameras[2].projection, Projection::Orthographic { extent: 4.0, axis: FrameAxis::Vertical });
+    assert_eq!(cameras[2].aspect, Some(1.5));
 }
 
 #[test]

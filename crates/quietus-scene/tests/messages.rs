@@ -92,6 +92,7 @@ const FAULTS: &[Fault] = &[
     ("camera angle", |d| camera(d, json!({"type": "perspective", "perspective": {"yfov": 4}}))),
     ("camera type", |d| camera(d, json!({"type": "fisheye"}))),
     ("camera without numbers", |d| camera(d, json!({"type": "perspective"}))),
+    ("camera extent", |d| camera(d, json!({"type": "orthographic", "orthographic": {"xmag": 0, "ymag": 1}}))),
     ("light type", |d| light(d, json!({"type": "area"}))),
     ("light strength", |d| light(d, json!({"type": "point", "intensity": -1}))),
     ("light cone", |d| {

@@ -4,9 +4,10 @@
 use super::document::Document;
 use super::schema::{Accessor, Sparse};
 use crate::error::{ErrorKind, SceneError};
+use crate::limit;
 
 /// Most elements of an accessor without a buffer view: it stands for zeros, so no data bounds it.
-const MAX_ZEROS: u64 = 1 << 24;
+const MAX_ZEROS: u64 = limit(1 << 24);
 
 /// Type of a component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! Animations: which properties of which nodes change with time (specification, section 3.11).
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use glam::Vec3;
 
@@ -17,6 +17,8 @@ pub(super) struct Clip {
     /// Time of its last key.
     pub seconds: f32,
     tracks: Vec<Track>,
+    /// Which of the tracks has the weights of the node in a slot.
+    weights: HashMap<usize, usize>,
 }
 
 /// One property of the node in `slot`.
@@ -51,8 +53,7 @@ impl Clip {
 
     /// Weights of the morph targets of the node in `slot` at `time`, if the clip changes them.
     pub(super) fn weights(&self, slot: usize, time: f32) -> Option<Vec<f32>> {
-        let wanted = |track: &&Track| track.slot == slot && track.property == Property::Weights;
-        self.tracks.iter().find(wanted).map(|track| track.keys.at(time))
+        self.weights.get(&slot).map(|&track| self.tracks[track].keys.at(time))
     }
 }
 
@@ -86,7 +87,9 @@ fn clip(document: &Document<'_>, hierarchy: &Hierarchy, index: usize) -> Result<
     }
     let seconds = tracks.iter().map(|track| track.keys.end()).fold(0.0, f32::max);
     let name = if animation.name.is_empty() { own } else { animation.name.clone() };
-    Ok(Clip { name, seconds, tracks })
+    let weights = tracks.iter().enumerate().filter(|(_, track)| track.property == Property::Weights);
+    let weights = weights.map(|(i, track)| (track.slot, i)).collect();
+    Ok(Clip { name, seconds, tracks, weights })
 }
 
 /// What a channel changes; `None` where that is nothing in the scene.

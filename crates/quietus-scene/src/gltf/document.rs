@@ -11,12 +11,16 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use super::container;
 use super::meshopt::{self, Filter, Mode};
 use super::schema::{BufferView, Meshopt, Root};
-use crate::error::{ErrorKind, SceneError, Warning};
+use crate::error::{ErrorKind, SceneError, Warnings};
 use crate::file;
+use crate::limit;
 
 /// Most memory that vertices and indices of one scene may take when decoded: a small file can refer to the same
 /// bytes many times.
-pub(super) const MAX_GEOMETRY_BYTES: u64 = 1 << 34;
+pub(super) const MAX_GEOMETRY_BYTES: u64 = limit(1 << 34);
+
+/// Most memory that the buffers of one scene may take: a small file can name the same large one many times.
+const MAX_BUFFER_BYTES: u64 = limit(1 << 34);
 
 /// A glTF file and what belongs to it.
 pub(super) struct Document<'a> {
@@ -25,7 +29,7 @@ pub(super) struct Document<'a> {
     buffers: Vec<Cow<'a, [u8]>>,
     /// Bytes of the views that are compressed, by view, once they were asked for.
     decompressed: Vec<OnceCell<Vec<u8>>>,
-    warnings: RefCell<Vec<Warning>>,
+    warnings: RefCell<Warnings>,
     geometry_bytes: Cell<u64>,
 }
 
@@ -45,8 +49,14 @@ impl<'a> Document<'a> {
         document.decompressed.resize_with(document.root.buffer_views.len(), OnceCell::new);
         document.check_version()?;
         document.check_extensions()?;
+        let mut total = 0;
         for index in 0..document.root.buffers.len() {
             let data = document.buffer(index, parts.bin)?;
+            total += data.len() as u64;
+            if total > MAX_BUFFER_BYTES {
+                let message = format!("the scene's buffers take over {MAX_BUFFER_BYTES} bytes");
+                return Err(document.error(ErrorKind::Unsupported, &format!("buffers[{index}]"), message));
+            }
             document.buffers.push(data);
         }
         Ok(document)
@@ -62,11 +72,7 @@ impl<'a> Document<'a> {
 
     /// Says `message` about `place`, once.
     pub(super) fn warn(&self, place: &str, message: impl Into<String>) {
-        let warning = Warning { place: place.to_owned(), message: message.into() };
-        let mut warnings = self.warnings.borrow_mut();
-        if !warnings.contains(&warning) {
-            warnings.push(warning);
-        }
+        self.warnings.borrow_mut().say(place, message);
     }
 
     /// The file itself, for messages.
@@ -79,7 +85,7 @@ impl<'a> Document<'a> {
         self.geometry_bytes.get()
     }
 
-    pub(super) fn into_warnings(self) -> Vec<Warning> {
+    pub(super) fn into_warnings(self) -> Warnings {
         self.warnings.into_inner()
     }
 

@@ -5,12 +5,13 @@ use draco_core::{DecodeLimits, DecoderBuffer, MeshDecoder};
 use super::document::Document;
 use super::schema;
 use crate::error::SceneError;
+use crate::limit;
 
 /// Largest decoded vertex data of one primitive, in bytes; as many bytes may be taken for its triangles.
-const MAX_DECODED_BYTES: u64 = 1 << 31;
+const MAX_DECODED_BYTES: u64 = limit(1 << 31);
 
 /// Largest number of vertices and of triangles of one primitive.
-const MAX_ELEMENTS: u64 = 1 << 27;
+const MAX_ELEMENTS: u64 = limit(1 << 27);
 
 /// A primitive, decoded.
 pub(super) struct Compressed {

@@ -1,9 +1,9 @@
 //! Collects what the nodes of the scene hold: meshes, cameras and lights.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::{Affine3A, Quat, Vec3};
-use quietus_trace::desc::{Camera, Instance, Light, SpotFalloff};
+use quietus_trace::desc::{Camera, FrameAxis, Instance, Light, Projection, SpotFalloff};
 
 use super::animation;
 use super::document::Document;
@@ -19,14 +19,17 @@ use crate::error::SceneError;
 pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
     let hierarchy = Hierarchy::read(&document)?;
     let clips = animation::clips(&document, &hierarchy)?;
+    let nodes = hierarchy.indices().map(|index| &document.root.nodes[index]);
     let mut reader = Reader {
         document: &document,
         hierarchy: &hierarchy,
         materials: Materials::new(&document),
         figures: HashMap::new(),
+        skinned: nodes.filter(|node| node.skin.is_some()).filter_map(|node| node.mesh).collect(),
         skins: HashMap::new(),
         models: Vec::new(),
         cameras: Vec::new(),
+        names: HashMap::new(),
         lights: Vec::new(),
     };
     for (slot, index) in hierarchy.indices().enumerate() {
@@ -60,9 +63,13 @@ struct Reader<'d, 'f> {
     hierarchy: &'d Hierarchy,
     materials: Materials<'d, 'f>,
     figures: HashMap<usize, Figure>,
+    /// Meshes that some node of the scene hangs on a skin.
+    skinned: HashSet<usize>,
     skins: HashMap<usize, Skin>,
     models: Vec<Model>,
     cameras: Vec<(usize, Camera)>,
+    /// Names of cameras, and the number that the next of the same name gets.
+    names: HashMap<String, usize>,
     lights: Vec<(usize, Light)>,
 }
 
@@ -76,11 +83,9 @@ impl Reader<'_, '_> {
         }
         if let Some(index) = node.camera {
             let camera = camera(document, index, &format!("{own}.camera"))?;
-            if let Some(camera) = camera {
-                let source = &document.root.cameras[index];
-                let name = self.camera_name([&source.name, &node.name, &format!("cameras[{index}]")]);
-                self.cameras.push((slot, Camera { name, ..camera }));
-            }
+            let source = &document.root.cameras[index];
+            let name = self.camera_name([&source.name, &node.name, &format!("cameras[{index}]")]);
+            self.cameras.push((slot, Camera { name, ..camera }));
         }
         if let Some(source) = &node.extensions.light {
             self.lights.push((slot, light(document, source.light, &own)?));
@@ -91,9 +96,7 @@ impl Reader<'_, '_> {
     fn read_model(&mut self, slot: usize, node: &Node, mesh: usize, own: &str) -> Result<(), SceneError> {
         let document = self.document;
         if !self.figures.contains_key(&mesh) {
-            // All nodes of the scene that show the mesh get the same one.
-            let nodes = self.hierarchy.indices().map(|index| &document.root.nodes[index]);
-            let skinned = nodes.into_iter().any(|node| node.mesh == Some(mesh) && node.skin.is_some());
+            let skinned = self.skinned.contains(&mesh);
             let figure = mesh::figure(document, &mut self.materials, mesh, skinned, &format!("{own}.mesh"))?;
             self.figures.insert(mesh, figure);
         }
@@ -127,14 +130,16 @@ impl Reader<'_, '_> {
     }
 
     /// The first name that is not empty, made unique by a number.
-    fn camera_name(&self, names: [&str; 3]) -> String {
+    fn camera_name(&mut self, names: [&str; 3]) -> String {
         let name = names.into_iter().find(|name| !name.is_empty()).unwrap_or_default();
-        let taken = |name: &str| self.cameras.iter().any(|(_, camera)| camera.name == name);
-        if !taken(name) {
-            return name.to_owned();
+        let mut unique = name.to_owned();
+        while self.names.contains_key(&unique) {
+            let number = self.names.entry(name.to_owned()).or_insert(2);
+            unique = format!("{name} {number}");
+            *number += 1;
         }
-        let mut numbered = (2..).map(|number| format!("{name} {number}"));
-        numbered.find(|name| !taken(name)).unwrap_or_default()
+        self.names.insert(unique.clone(), 2);
+        unique
     }
 }
 
@@ -173,33 +178,46 @@ fn copies(
     Ok((0..count as usize).map(copy).collect())
 }
 
-/// Camera `index`, referred to from `place`, in the origin and without a name; `None`, with a warning, where it is
-/// not drawn.
-fn camera(document: &Document<'_>, index: usize, place: &str) -> Result<Option<Camera>, SceneError> {
+/// Camera `index`, referred to from `place`, in the origin and without a name.
+fn camera(document: &Document<'_>, index: usize, place: &str) -> Result<Camera, SceneError> {
     let camera = document.get(&document.root.cameras, index, "cameras", place)?;
     let place = format!("cameras[{index}]");
-    let perspective = match (camera.kind.as_str(), &camera.perspective) {
-        ("perspective", Some(perspective)) => perspective,
-        ("perspective", None) => return Err(document.invalid(&place, "has no \"perspective\"")),
-        ("orthographic", _) => {
-            document.warn(&place, "orthographic cameras are not supported: it is left out");
-            return Ok(None);
+    let still = Camera::perspective("", Affine3A::IDENTITY, 1.0);
+    let invalid = |name: &str, message: String| document.invalid(&format!("{place}.{name}"), message);
+    let above_0 = |value: f32| value > 0.0 && value.is_finite();
+    match (camera.kind.as_str(), &camera.perspective, &camera.orthographic) {
+        ("perspective", Some(source), _) => {
+            let (fov, aspect) = (source.yfov, source.aspect_ratio);
+            if !(fov > 0.0 && fov < std::f32::consts::PI) {
+                let message = format!("is {fov}, expected an angle between 0 and pi");
+                return Err(invalid("perspective.yfov", message));
+            }
+            if let Some(aspect) = aspect.filter(|&aspect| !above_0(aspect)) {
+                let message = format!("is {aspect}, expected a number above 0");
+                return Err(invalid("perspective.aspectRatio", message));
+            }
+            Ok(Camera {
+                projection: Projection::Perspective { fov, axis: FrameAxis::Vertical },
+                aspect,
+                ..still
+            })
         }
-        (kind, _) => {
-            let message = format!("is \"{kind}\", expected perspective or orthographic");
-            return Err(document.invalid(&format!("{place}.type"), message));
+        ("orthographic", _, Some(source)) => {
+            // Negative magnifications are allowed, and discouraged: they would turn the picture around.
+            let (width, height) = (source.xmag.abs(), source.ymag.abs());
+            if !(above_0(width) && above_0(height) && above_0(width / height)) {
+                let message =
+                    format!("is {} by {}, expected numbers that are not 0", source.xmag, source.ymag);
+                return Err(invalid("orthographic", message));
+            }
+            let projection = Projection::Orthographic { extent: 2.0 * height, axis: FrameAxis::Vertical };
+            Ok(Camera { projection, aspect: Some(width / height), ..still })
         }
-    };
-    let (fov_y, aspect) = (perspective.yfov, perspective.aspect_ratio);
-    if !(fov_y > 0.0 && fov_y < std::f32::consts::PI) {
-        let message = format!("is {fov_y}, expected an angle between 0 and pi");
-        return Err(document.invalid(&format!("{place}.perspective.yfov"), message));
+        (kind @ ("perspective" | "orthographic"), ..) => {
+            Err(document.invalid(&place, format!("has no \"{kind}\"")))
+        }
+        (kind, ..) => Err(invalid("type", format!("is \"{kind}\", expected perspective or orthographic"))),
     }
-    if aspect.is_some_and(|aspect| !(aspect > 0.0 && aspect.is_finite())) {
-        let message = format!("is {}, expected a number above 0", aspect.unwrap_or_default());
-        return Err(document.invalid(&format!("{place}.perspective.aspectRatio"), message));
-    }
-    Ok(Some(Camera { aspect, ..Camera::perspective("", Affine3A::IDENTITY, fov_y) }))
 }
 
 /// Light `index`, held by the node `own`, in the origin and shining to -z.

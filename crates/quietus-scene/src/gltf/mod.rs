@@ -6,7 +6,7 @@
 //! of `emissiveStrength` is a radiance of 1, 1 candela an intensity of 1 per steradian and 1 lux an irradiance of
 //! 1, and lights keep their proportions.
 //!
-//! Left out with a warning: points and lines, orthographic cameras, the range of lights. Left out without one, because paths make them obsolete: occlusion
+//! Left out with a warning: points and lines, the range of lights, extensions that are not known. Left out without one, because paths make them obsolete: occlusion
 //! textures; because they only steer rasterisers: minification filters, clip planes, back-face culling.
 
 mod accessor;
@@ -31,7 +31,7 @@ use std::path::Path;
 use glam::{Mat3, Vec3};
 use quietus_trace::desc::{Camera, Environment, EnvironmentLayout, SceneDesc};
 
-use crate::error::{SceneError, Warning};
+use crate::error::SceneError;
 use crate::framing::Framing;
 use crate::{Loaded, file, summary};
 use document::Document;
@@ -66,22 +66,19 @@ pub(crate) fn shoot(
     frame: impl FnOnce() -> Result<Camera, SceneError>,
 ) -> Result<Loaded, SceneError> {
     let (mut scene, mut warnings) = stage.scene(moment)?;
-    let mut warn = |place: &str, message: &str| {
-        warnings.push(Warning { place: place.to_owned(), message: message.to_owned() });
-    };
     if scene.cameras.is_empty() {
         if scene.instances.is_empty() {
-            warn("scenes", "there is nothing to draw: no triangles are placed in the scene");
+            warnings.say("scenes", "there is nothing to draw: no triangles are placed in the scene");
         }
-        warn("cameras", "the scene has no camera: one that frames it is added");
+        warnings.say("cameras", "the scene has no camera: one that frames it is added");
         scene.cameras.push(frame()?);
     }
     if scene.lights.is_empty() && !has_emitters(&scene) {
-        warn("", PLAIN_SKY);
+        warnings.say("", PLAIN_SKY);
         let (layout, scale, to_world) = (EnvironmentLayout::LatLong, SKY, Mat3::IDENTITY);
         scene.environment = Some(Environment { image: None, layout, scale, to_world });
     }
-    Ok(Loaded { scene, warnings })
+    Ok(Loaded { scene, warnings: warnings.into_list() })
 }
 
 fn has_emitters(scene: &SceneDesc) -> bool {

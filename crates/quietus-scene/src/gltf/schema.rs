@@ -413,6 +413,13 @@ pub(super) struct Camera {
     #[serde(rename = "type")]
     pub kind: String,
     pub perspective: Option<Perspective>,
+    pub orthographic: Option<Orthographic>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Orthographic {
+    pub xmag: f32,
+    pub ymag: f32,
 }
 
 #[derive(Debug, Deserialize)]

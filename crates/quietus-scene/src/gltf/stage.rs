@@ -16,7 +16,7 @@ use super::document::MAX_GEOMETRY_BYTES;
 use super::hierarchy::Hierarchy;
 use super::mesh::{Figure, Part};
 use super::skin::Skin;
-use crate::error::{ErrorKind, SceneError, Warning};
+use crate::error::{ErrorKind, SceneError, Warnings};
 
 /// Most memory that a vertex of a mesh takes, with all that a mesh can say of it.
 const VERTEX_BYTES: u64 = 96;
@@ -38,7 +38,7 @@ pub(crate) struct Stage {
     pub(super) textures: Vec<Texture>,
     pub(super) media: Vec<Medium>,
     pub(super) geometry_bytes: u64,
-    pub(super) warnings: Vec<Warning>,
+    pub(super) warnings: Warnings,
 }
 
 /// A node that shows a mesh.
@@ -74,7 +74,7 @@ impl Stage {
     }
 
     /// The scene at `moment`, without anything that the file lacks, and what is to be said of it.
-    pub(crate) fn scene(&self, moment: Moment) -> Result<(SceneDesc, Vec<Warning>), SceneError> {
+    pub(crate) fn scene(&self, moment: Moment) -> Result<(SceneDesc, Warnings), SceneError> {
         let (clip, [opens, closes]) = match moment {
             Moment::Rest => (None, [0.0; 2]),
             Moment::Clip { clip, shutter } => (Some(&self.clips[clip]), shutter),
@@ -135,7 +135,7 @@ struct Take<'a> {
     scene: SceneDesc,
     objects: HashMap<Form, ObjectId>,
     geometry_bytes: Cell<u64>,
-    warnings: Vec<Warning>,
+    warnings: Warnings,
 }
 
 impl Take<'_> {
@@ -283,10 +283,7 @@ impl Take<'_> {
 
     /// Says `message` about the node in `slot`, once.
     fn warn(&mut self, slot: usize, message: &str) {
-        let warning = Warning { place: self.place(slot), message: message.to_owned() };
-        if !self.warnings.contains(&warning) {
-            self.warnings.push(warning);
-        }
+        self.warnings.say(&self.place(slot), message);
     }
 
     /// Counts another copy of `part`, for model `index`, against the limit.

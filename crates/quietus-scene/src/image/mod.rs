@@ -18,13 +18,14 @@ use quietus_trace::texture::srgb_to_linear;
 pub(crate) use batch::{Budget, ImageId, Images};
 
 use crate::error::{ErrorKind, SceneError};
+use crate::limit;
 
 /// Largest picture, in texels: 16384 x 8192, or 2 GiB of floats.
-const MAX_TEXELS: u64 = 1 << 27;
+const MAX_TEXELS: u64 = limit(1 << 27);
 /// Most memory a decoder may take for one picture, in bytes.
-const MAX_DECODER_BYTES: u64 = 1 << 31;
+const MAX_DECODER_BYTES: u64 = limit(1 << 31);
 /// Most memory the pictures of one scene may take, in bytes.
-const MAX_SCENE_BYTES: u64 = 1 << 34;
+const MAX_SCENE_BYTES: u64 = limit(1 << 34);
 
 /// How numbers in a picture of 8 or 16 bits become linear ones. Pictures of floats are linear already.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,8 +107,12 @@ const FORMATS: &str = "PNG, JPEG, TGA, BMP, WebP, QOI, Radiance HDR, OpenEXR or 
 /// # Errors
 /// As [`decode`]; where the file is missing or cannot be read.
 pub(crate) fn read(path: &Path, encoding: Encoding) -> Result<Image, SceneError> {
-    let bytes = crate::file::read(path)?;
-    let Some(format) = Format::of(path, &bytes) else {
+    read_bytes(path, &crate::file::read(path)?, encoding)
+}
+
+/// As [`read`], with the file's content already in memory.
+pub(crate) fn read_bytes(path: &Path, bytes: &[u8], encoding: Encoding) -> Result<Image, SceneError> {
+    let Some(format) = Format::of(path, bytes) else {
         let message = format!("the picture is of an unknown kind, expected {FORMATS}");
         return Err(SceneError::new(ErrorKind::Unsupported, path, "", message));
     };

@@ -91,9 +91,28 @@ fn format_error(path: &Path, error: &exr::error::Error) -> OutputError {
     }
 }
 
-/// Reads any EXR with flat layers.
+/// Most memory that the samples of a file may take, in bytes: its header alone could ask for more than there is.
+const MAX_BYTES: u64 = 1 << 34;
+
+/// Reads any EXR with flat layers and at most [`MAX_BYTES`] of samples.
 fn read_flat(path: &Path) -> Result<FlatImage, OutputError> {
     let bytes = std::fs::read(path).map_err(|source| OutputError::Read { path: path.to_owned(), source })?;
+    let wrong = |message: String| OutputError::Format { path: path.to_owned(), message };
+    let unreadable = |error: exr::error::Error| wrong(format!("not a readable OpenEXR file: {error}"));
+    let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(&bytes), false).map_err(unreadable)?;
+    let needed = meta.headers.iter().map(|header| {
+        // No sample has more than four bytes, every channel is kept as if it were not subsampled, and a tile may be
+        // larger than the picture.
+        let bytes = |size: Vec2<usize>| {
+            let texels = (size.x() as u64).saturating_mul(size.y() as u64);
+            texels.saturating_mul(4 * header.channels.list.len() as u64)
+        };
+        bytes(header.layer_size).saturating_add(bytes(header.max_block_pixel_size()))
+    });
+    let needed = needed.fold(0, u64::saturating_add);
+    if needed > MAX_BYTES {
+        return Err(wrong(format!("needs {needed} bytes of memory, expected at most {MAX_BYTES}")));
+    }
     exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -101,10 +120,7 @@ fn read_flat(path: &Path) -> Result<FlatImage, OutputError> {
         .all_layers()
         .all_attributes()
         .from_buffered(Cursor::new(bytes))
-        .map_err(|error| OutputError::Format {
-            path: path.to_owned(),
-            message: format!("not a readable OpenEXR file: {error}"),
-        })
+        .map_err(unreadable)
 }
 
 /// One channel of an EXR file with the range of its values.
@@ -333,6 +349,24 @@ mod tests {
             write_exr(&path, &picture, &metadata).unwrap();
             prop_assert_eq!(read_exr(&path).unwrap(), (picture, metadata));
         }
+    }
+
+    /// A header that asks for a terabyte is refused by its word alone.
+    #[test]
+    fn absurd_sizes_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.exr");
+        let window = Window { x0: 0, y0: 0, x1: 4, y1: 4 };
+        write_exr(&path, &sample_picture(window, [4, 4]), &Metadata::new()).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        let name = b"dataWindow\0box2i\0\x10\0\0\0";
+        let at = bytes.windows(name.len()).position(|part| part == name).unwrap() + name.len();
+        for side in [8, 12] {
+            bytes[at + side..][..4].copy_from_slice(&((1 << 18) - 1_i32).to_le_bytes());
+        }
+        std::fs::write(&path, bytes).unwrap();
+        let message = read_exr_info(&path).unwrap_err().to_string();
+        assert!(message.contains("bytes of memory, expected at most 17179869184"), "{message}");
     }
 
     #[test]

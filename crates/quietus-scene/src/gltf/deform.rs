@@ -55,7 +55,9 @@ pub(super) fn deform(mesh: &Mesh, targets: &[Target], influences: &Influences, b
     let (positions, (mut normals, mut tangents)): (Vec<_>, (Vec<Vec3>, Vec<_>)) =
         (0..mesh.positions.len()).into_par_iter().map(vertex).collect();
     normals.truncate(mesh.normals.len());
+    normals.shrink_to_fit();
     tangents.truncate(mesh.tangents.len());
+    tangents.shrink_to_fit();
     for (normal, &rest) in normals.iter_mut().zip(&mesh.normals) {
         *normal = normal.normalize_or(rest);
     }

@@ -7,7 +7,7 @@ use exr::error::Error;
 use exr::image::read::specific_channels::ReadSpecificChannel;
 use exr::prelude::{ReadChannels, ReadLayers};
 
-use super::check_size;
+use super::{MAX_DECODER_BYTES, check_size};
 use crate::error::{ErrorKind, SceneError};
 
 /// Width and height, and the texels row by row from the top.
@@ -28,6 +28,15 @@ pub(super) fn decode(file: &Path, place: &str, bytes: Vec<u8>) -> Result<Floats,
         let at = if place.is_empty() { "header" } else { place };
         check_size(header.layer_size.x() as u64, header.layer_size.y() as u64)
             .map_err(|(kind, message)| SceneError::new(kind, file, at, message))?;
+        // A tile may be larger than the picture, and blocks are decoded as a whole.
+        let block = header.max_block_pixel_size();
+        let bytes = [block.x(), block.y(), header.channels.bytes_per_pixel]
+            .into_iter()
+            .fold(1_u64, |bytes, factor| bytes.saturating_mul(factor as u64));
+        if bytes > MAX_DECODER_BYTES {
+            let message = format!("blocks of {bytes} bytes, expected at most {MAX_DECODER_BYTES}");
+            return Err(SceneError::new(ErrorKind::Unsupported, file, at, message));
+        }
     }
     let has = |name: &str| {
         let mut channels = meta.headers.iter().flat_map(|header| &header.channels.list);

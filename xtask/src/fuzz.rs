@@ -41,9 +41,12 @@ pub(crate) fn fuzz(task: &Fuzz) -> Result<()> {
         .args(["--target", &host])
         .env("RUSTFLAGS", FLAGS))?;
     let built = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| folder.join("target"), Into::into);
-    let all = || fs::read_dir(folder.join("fuzz_targets"))?.map(|entry| Ok(stem(&entry?.path()))).collect();
-    let mut targets =
-        if task.targets.is_empty() { all().map_err(|e: std::io::Error| e)? } else { task.targets.clone() };
+    let mut targets = task.targets.clone();
+    if targets.is_empty() {
+        for entry in fs::read_dir(folder.join("fuzz_targets"))? {
+            targets.push(stem(&entry?.path()));
+        }
+    }
     targets.sort();
     for target in &targets {
         let program = built.join(&host).join("release").join(target);

@@ -8,6 +8,7 @@ use quietus_eval::{
     EvalError, Look, Method, Study, StudySpec, Subject, cache_directory,
     compare::{Comparison, compare},
     equivalence::{EquivalencePlan, equivalence},
+    live::{Live, live},
     measure::Measure,
     report,
     sweep::{Plan, Series, sweep},
@@ -89,6 +90,10 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "METHOD", value_parser = parse_method, conflicts_with_all = ["methods", "html"])]
     equivalence: Option<Method>,
 
+    /// Also render each live, so many times: CPU time, gain at equal time, and whether replays are what renders do.
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "equivalence")]
+    live: u32,
+
     /// Write everything here, as JSON.
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
@@ -133,7 +138,8 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending, Failure> {
     }
     let mut found = Vec::new();
     for source in &args.scenes {
-        let study = open(args, source)?;
+        let subject = subject(source)?;
+        let study = open(args, source, &subject)?;
         if args.record_only {
             continue;
         }
@@ -144,7 +150,10 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending, Failure> {
             plan.budgets.len()
         ));
         let sweep = sweep(&study.bank, &study.reference, &plan)?;
-        let comparison = compare(study.bank.spec(), &study.reference, &sweep);
+        let mut comparison = compare(study.bank.spec(), &study.reference, &sweep);
+        if args.live > 0 {
+            comparison.add_live(&render_live(args, source, &subject, &study, &sweep)?);
+        }
         say::result(report::table(&comparison, args.measure));
         found.push(Found { study, sweep, comparison });
     }
@@ -192,8 +201,26 @@ fn look(args: &EvalArgs) -> Look {
     Look { width, height, max_depth: args.max_depth, filter: args.filter.clone() }
 }
 
-fn open(args: &EvalArgs, source: &str) -> Result<Study, Failure> {
-    let subject = subject(source)?;
+/// `--live`.
+fn render_live(
+    args: &EvalArgs,
+    source: &str,
+    subject: &Subject,
+    study: &Study,
+    sweep: &[Series],
+) -> Result<Vec<Live>, Failure> {
+    let mut last = -1;
+    let tell = |share: f64| {
+        let tenth = (share * 10.0) as i32;
+        if last != tenth {
+            say::aside(format_args!("{source}: rendering live, {tenth}0 %"));
+            last = tenth;
+        }
+    };
+    Ok(live(subject, &study.bank, sweep, args.live, tell)?)
+}
+
+fn open(args: &EvalArgs, source: &str, subject: &Subject) -> Result<Study, Failure> {
     let spec = StudySpec {
         look: look(args),
         streams: args.streams,
@@ -211,7 +238,7 @@ fn open(args: &EvalArgs, source: &str) -> Result<Study, Failure> {
             last = (what.to_owned(), tenth);
         }
     };
-    Ok(Study::open(&subject, &spec, &directory, tell)?)
+    Ok(Study::open(subject, &spec, &directory, tell)?)
 }
 
 fn plan(args: &EvalArgs, study: &Study) -> Plan {

@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use quietus_film::{OutputError, OutputFormat, RejectedSamples, write_atomically, write_exr, write_png};
 use quietus_render::{
-    Control, Fault, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, render,
-    shown_error,
+    Control, Fault, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy,
+    noise::measure_noise, render, shown_error,
 };
 use quietus_trace::desc::{Camera, SceneDesc};
 use quietus_trace::scene::Scene;
@@ -127,12 +127,19 @@ fn draw(
     let mut progress = |progress: &_| bar.update(progress);
     let outcome = render(&tracer, settings, &mut Control { cancel, progress: &mut progress });
     bar.clear();
-    outcome.map_err(|error| match error {
+    let mut rendered = outcome.map_err(|error| match error {
         RenderError::Panicked(fault) => {
             Failure::internal(fault_message(args, settings, ready.look.max_depth, frame, &fault))
         }
         other => other.into(),
-    })
+    })?;
+    // Whose time is up, or who is interrupted, wants the picture now.
+    if rendered.stopped_by == StoppedBy::Done
+        && let Some(noise) = measure_noise(&tracer, &rendered, settings.threads, cancel)
+    {
+        rendered.statistics.set_noise(noise);
+    }
+    Ok(rendered)
 }
 
 /// What comes closest to the share of the work done.
@@ -272,6 +279,11 @@ fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered) -> String {
         statistics.wall_seconds,
         statistics.samples as f64 / statistics.wall_seconds.max(1e-9) / 1e6,
     );
+    if let (Some(reached), Some(low), Some(high)) =
+        (statistics.noise_reached, statistics.noise_low, statistics.noise_high)
+    {
+        text.push_str(&format!("\nnoise {reached:.2} % of white (95 % interval {low:.2}-{high:.2})"));
+    }
     for (path, _) in &plan.outputs {
         let path = plan.name(path, frame);
         let shown = std::fs::canonicalize(&path).unwrap_or(path);

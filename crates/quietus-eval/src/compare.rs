@@ -1,10 +1,12 @@
 //! What the runs of a sweep say about each method: gain over uniform sampling, bias, artefacts, honesty.
 
+use quietus_render::noise::Noise;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     BankSpec, Method, Reference, ReferenceSpec,
     limit::limit,
+    live::Live,
     measure::{EnergyMeter, Measure, Structure},
     statistics::{Estimate, bootstrap, mean, mean_interval},
     sweep::{RunRecord, Series},
@@ -69,10 +71,39 @@ pub struct Point {
     pub false_stops: f64,
     /// Mean of true region error over target where it stopped.
     pub true_over_target: f64,
+    /// When the late feature is found ([`crate::discovery`]); none where the reference has none.
+    pub discovery: Option<Discovery>,
+    /// How honest the noise is that renders report ([`quietus_render::noise`]); none where the bank has no streams to
+    /// tell.
+    pub noise: Option<NoisePoint>,
+    /// What live renders took, where they were asked for.
+    pub live: Option<Live>,
     /// Mean pixels re-opened in a run, each time counted.
     pub reopened_pixels: f64,
     /// Mean regions re-opened in a run.
     pub reopened_regions: f64,
+}
+
+/// When the late feature is found.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Discovery {
+    /// Share of the runs that found it.
+    pub found: f64,
+    /// Mean samples per pixel of the whole picture that had been spent by then, over these runs; NaN for none.
+    pub spp: Estimate,
+}
+
+/// The noise that renders report, against the true one.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct NoisePoint {
+    /// Root mean square over runs of what is reported, over that of the true error in display space.
+    pub reported_over_true: f64,
+    /// Runs whose reported interval of 95 % holds their own true error.
+    pub covered: u32,
+    /// Runs.
+    pub runs: u32,
+    /// Mean width of the intervals, relative to the report.
+    pub width: f64,
 }
 
 /// One measure of one point.
@@ -88,6 +119,8 @@ pub struct ErrorPoint {
     pub gain: Estimate,
     /// The same for rays.
     pub gain_in_rays: Estimate,
+    /// CPU time that uniform sampling takes for the same error, over CPU time taken; where there are live renders.
+    pub gain_in_time: Option<Estimate>,
     /// Whether the error is below (above) all that uniform sampling was measured at, so that its fit was
     /// extended.
     pub extrapolated: bool,
@@ -185,9 +218,76 @@ fn point(series: &Series, uniform: &[&Series], curves: &[UniformCurve], meter: &
         stopped: series.mean(|r| r.stops.stopped),
         false_stops: series.mean(|r| r.stops.false_stops),
         true_over_target: series.mean(|r| r.stops.true_over_target),
+        discovery: series.discoveries.as_deref().map(discovery),
+        noise: noise(series),
+        live: None,
         reopened_pixels: series.mean(|r| r.reopened_pixels as f64),
         reopened_regions: series.mean(|r| r.reopened_regions as f64),
     }
+}
+
+fn discovery(runs: &[Option<f64>]) -> Discovery {
+    let spent: Vec<f64> = runs.iter().flatten().copied().collect();
+    Discovery { found: spent.len() as f64 / runs.len() as f64, spp: mean_interval(&spent) }
+}
+
+fn noise(series: &Series) -> Option<NoisePoint> {
+    let reports: Option<Vec<Noise>> = series.runs.iter().map(|run| run.noise).collect();
+    let reports = reports?;
+    let truths: Vec<f64> = series.runs.iter().map(|run| run.errors.mean(Measure::Display)).collect();
+    let squares: f64 = reports.iter().map(|noise| noise.reached * noise.reached).sum();
+    let covers = |(noise, &truth): (&Noise, &f64)| (noise.low..=noise.high).contains(&truth.max(0.0).sqrt());
+    let width = |noise: &Noise| (noise.high - noise.low) / noise.reached;
+    Some(NoisePoint {
+        reported_over_true: (squares / truths.iter().sum::<f64>()).sqrt(),
+        covered: reports.iter().zip(&truths).filter(|pair| covers(*pair)).count() as u32,
+        runs: reports.len() as u32,
+        width: reports.iter().map(width).sum::<f64>() / reports.len() as f64,
+    })
+}
+
+impl Comparison {
+    /// Adds what live renders took, one entry for each point, and the gains at equal CPU time: gains in samples
+    /// times what a sample of uniform sampling costs over what one of the method costs. Costs are compared within
+    /// rounds of renders; their interval (Student's, of the logarithm) and the gain's are added in quadrature.
+    ///
+    /// # Panics
+    /// Where there are not as many entries as points, or no uniform point.
+    pub fn add_live(&mut self, live: &[Live]) {
+        assert_eq!(live.len(), self.points.len(), "live renders of other points");
+        let uniform: Vec<&Live> = self
+            .points
+            .iter()
+            .zip(live)
+            .filter(|(p, _)| p.method == Method::Uniform)
+            .map(|(_, l)| l)
+            .collect();
+        let round = |r: usize| {
+            let seconds: f64 = uniform.iter().map(|l| l.cpu_seconds[r]).sum();
+            seconds / uniform.iter().map(|l| l.samples[r] as f64).sum::<f64>()
+        };
+        let costs: Vec<f64> = (0..uniform[0].cpu_seconds.len()).map(round).collect();
+        for (point, live) in self.points.iter_mut().zip(live) {
+            let ratios: Vec<f64> = costs
+                .iter()
+                .zip(live.seconds_per_sample())
+                .map(|(uniform, own)| (uniform / own).ln())
+                .collect();
+            let ratio = mean_interval(&ratios);
+            for error in &mut point.errors {
+                error.gain_in_time = Some(times_exp(error.gain, ratio));
+            }
+            point.live = Some(live.clone());
+        }
+    }
+}
+
+/// An estimate times the exponential of an independent one.
+fn times_exp(gain: Estimate, log: Estimate) -> Estimate {
+    let value = gain.value * log.value.exp();
+    let reach = |end: f64, log_half: f64| ((end / gain.value).ln().powi(2) + log_half.powi(2)).sqrt();
+    let (low, high) = (reach(gain.low, log.value - log.low), reach(gain.high, log.high - log.value));
+    Estimate { value, low: value * (-low).exp(), high: value * high.exp() }
 }
 
 /// Mean of a measure over some runs.
@@ -218,6 +318,7 @@ fn error_point(series: &Series, uniform: &[&Series], curve: &UniformCurve) -> Er
         root: (error.value >= 0.0).then(|| error.value.sqrt()),
         gain,
         gain_in_rays: gain.map(|g| g * in_rays),
+        gain_in_time: None,
         extrapolated: samples(&all).1,
         share_of_limit: curve.limit.map(|limit| gain.map(|g| (g - 1.0) / (limit - 1.0))),
     }
@@ -298,6 +399,17 @@ mod tests {
             assert!((found - n).abs() < 1e-9 && extrapolated == beyond, "{error}: {found}");
         }
         assert!(curve.samples(-1.0).0.is_nan());
+    }
+
+    #[test]
+    fn gains_in_time_have_the_uncertainty_of_both() {
+        let estimate =
+            |value: f64, factor: f64| Estimate { value, low: value / factor, high: value * factor };
+        // Gain 2 within a factor e^0.3, cost ratio e^-0.5 within e^0.4: e^0.5 in quadrature.
+        let found = times_exp(estimate(2.0, 0.3_f64.exp()), Estimate { value: -0.5, low: -0.9, high: -0.1 });
+        assert!((found.value - 2.0 * (-0.5_f64).exp()).abs() < 1e-12);
+        assert!((found.low - found.value * (-0.5_f64).exp()).abs() < 1e-12, "{found:?}");
+        assert!((found.high - found.value * 0.5_f64.exp()).abs() < 1e-12, "{found:?}");
     }
 
     #[test]

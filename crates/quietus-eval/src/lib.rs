@@ -20,12 +20,15 @@
 
 pub mod bank;
 pub mod compare;
+pub mod discovery;
 pub mod equivalence;
 mod error;
 mod files;
 pub mod limit;
+pub mod live;
 pub mod measure;
 mod method;
+mod noise_check;
 mod packed;
 mod picture;
 pub mod reference;

@@ -12,6 +12,8 @@ use crate::{Bank, EvalError, Picture, packed, runs::Deal};
 pub struct Replay {
     /// The mean of each pixel's accepted samples; black where there are none.
     pub picture: Picture,
+    /// The means of each pixel's first two replicates.
+    pub halves: Vec<[[f32; 3]; 2]>,
     /// Samples of each pixel, over all replicates, row by row.
     pub counts: Vec<u32>,
     /// Samples of all pixels.
@@ -60,6 +62,17 @@ pub fn replay_with(
     metric: &dyn ErrorMetric,
     run: u64,
 ) -> Result<Replay, EvalError> {
+    replay_watched(bank, settings, metric, run, |_| ())
+}
+
+/// As [`replay_with`]; `watch` sees the film as it is whenever the first visit of a pass ends the one before.
+pub(crate) fn replay_watched(
+    bank: &Bank,
+    settings: &Settings,
+    metric: &dyn ErrorMetric,
+    run: u64,
+    mut watch: impl FnMut(&BankFilm<'_>),
+) -> Result<Replay, EvalError> {
     fits(bank, settings)?;
     let sampling = AdaptiveSampling::new(settings.clone())?;
     let replicates = settings.replicates as usize;
@@ -72,7 +85,12 @@ pub fn replay_with(
         rejected: 0,
     };
     let mut worker = sampling.worker();
+    let mut pass = 0;
     while let Some(visit) = worker.next_visit() {
+        if visit.pass() > pass {
+            pass = visit.pass();
+            watch(&film);
+        }
         let errors = film.draw(&visit, metric);
         visit.finish(&errors);
     }
@@ -117,7 +135,8 @@ struct Sum {
     drawn: u32,
 }
 
-struct BankFilm<'a> {
+/// A film whose samples are looked up.
+pub(crate) struct BankFilm<'a> {
     bank: &'a Bank,
     deal: Deal,
     replicates: usize,
@@ -127,6 +146,21 @@ struct BankFilm<'a> {
 }
 
 impl BankFilm<'_> {
+    /// Mean of a pixel's accepted samples; black where there are none.
+    pub(crate) fn mean(&self, pixel: usize) -> [f32; 3] {
+        let sums = self.replicates_of(pixel);
+        let accepted: u32 = sums.iter().map(|s| s.accepted).sum();
+        [0, 1, 2].map(|channel| {
+            let sum: f64 = sums.iter().map(|s| f64::from(s.channels[channel])).sum();
+            (sum / f64::from(accepted.max(1))) as f32
+        })
+    }
+
+    /// Samples drawn.
+    pub(crate) fn samples(&self) -> u64 {
+        self.sums.iter().map(|s| u64::from(s.drawn)).sum()
+    }
+
     fn pixel(&self, x: u32, y: u32) -> usize {
         y as usize * self.bank.spec().look.width as usize + x as usize
     }
@@ -180,18 +214,21 @@ impl BankFilm<'_> {
         let look = &self.bank.spec().look;
         let mut picture = Picture::black(look.width, look.height);
         let mut counts = vec![0; look.pixels()];
+        let half = |means: [f32; 4]| [means[0], means[1], means[2]];
+        let halves = (0..look.pixels()).map(|pixel| {
+            let mut means = self.means(pixel).map(half);
+            [means.next().unwrap_or_default(), means.next().unwrap_or_default()]
+        });
+        let halves = halves.collect();
         let mut rays = 0.0;
         for (pixel, sums) in self.sums.chunks(self.replicates).enumerate() {
-            let accepted: u32 = sums.iter().map(|s| s.accepted).sum();
             counts[pixel] = sums.iter().map(|s| s.drawn).sum();
             rays += f64::from(counts[pixel]) * f64::from(self.bank.rays()[pixel]);
-            for channel in 0..3 {
-                let sum: f64 = sums.iter().map(|s| f64::from(s.channels[channel])).sum();
-                picture.rgb[pixel][channel] = (sum / f64::from(accepted.max(1))) as f32;
-            }
+            picture.rgb[pixel] = self.mean(pixel);
         }
         Replay {
             picture,
+            halves,
             samples: counts.iter().map(|&n| u64::from(n)).sum(),
             counts,
             rays,

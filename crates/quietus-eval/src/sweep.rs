@@ -1,11 +1,14 @@
 //! The sweep: every method at every budget, many runs each.
 
 use quietus::Settings;
+use quietus_render::noise::Noise;
 use rayon::prelude::*;
 
 use crate::{
     Bank, EvalError, Method, Reference, Replay,
+    discovery::{Feature, discovery},
     measure::{Energy, EnergyMeter, Errors, Stops, Structure, errors, flip, stops, structure},
+    noise_check::reported_noise,
     replay,
     runs::independent_runs,
 };
@@ -56,6 +59,8 @@ pub struct RunRecord {
     pub flip: f64,
     /// How bright it is.
     pub energy: Energy,
+    /// The noise that the render would report, where the bank has streams to measure it with.
+    pub noise: Option<Noise>,
     /// Whether its error knows tiles.
     pub structure: Structure,
     /// How well it stopped.
@@ -75,6 +80,11 @@ pub struct Series {
     pub budget: f64,
     /// The target error that takes about as many; none for uniform sampling.
     pub target_error: Option<f64>,
+    /// What was replayed.
+    pub settings: Settings,
+    /// Runs in which the late feature was found, with the samples per pixel spent by then; none where the
+    /// reference has no such feature.
+    pub discoveries: Option<Vec<Option<f64>>>,
     /// Its runs; equal places used the same samples, in all series of a sweep.
     pub runs: Vec<RunRecord>,
     /// The first of them whole.
@@ -95,15 +105,18 @@ impl Series {
 /// Where the plan does not fit bank and reference.
 pub fn sweep(bank: &Bank, reference: &Reference, plan: &Plan) -> Result<Vec<Series>, EvalError> {
     check(bank, reference, plan)?;
-    let meter = EnergyMeter::new(reference);
+    let context = Context {
+        bank,
+        reference,
+        meter: EnergyMeter::new(reference),
+        feature: Feature::of(reference),
+        plan,
+    };
     let uniform = uniform_counts(plan).into_iter().map(|n| (Method::Uniform, n));
     let adaptive = plan.methods.iter().filter(|m| **m != Method::Uniform);
     let adaptive = adaptive.flat_map(|&m| plan.budgets.iter().map(move |&b| (m, b)));
     let cells: Vec<(Method, f64)> = uniform.chain(adaptive).collect();
-    cells
-        .into_par_iter()
-        .filter_map(|(method, budget)| series(bank, reference, &meter, plan, method, budget).transpose())
-        .collect()
+    cells.into_par_iter().filter_map(|(method, budget)| context.series(method, budget).transpose()).collect()
 }
 
 fn check(bank: &Bank, reference: &Reference, plan: &Plan) -> Result<(), EvalError> {
@@ -153,43 +166,57 @@ fn uniform_counts(plan: &Plan) -> Vec<f64> {
     counts
 }
 
-fn series(
-    bank: &Bank,
-    reference: &Reference,
-    meter: &EnergyMeter,
-    plan: &Plan,
-    method: Method,
-    budget: f64,
-) -> Result<Option<Series>, EvalError> {
-    let mut settings = method.apply(&plan.settings);
-    let target_error = if method == Method::Uniform {
-        settings.max_samples = budget as u32;
-        settings.min_samples = settings.min_samples.min(settings.max_samples);
-        None
-    } else {
-        let Some(target) = find_target(bank, &settings, budget, plan.runs)? else { return Ok(None) };
-        settings.target_error = target;
-        Some(target)
-    };
-    let replays: Vec<Replay> =
-        (0..plan.runs).into_par_iter().map(|run| replay(bank, &settings, run)).collect::<Result<_, _>>()?;
-    let runs = replays.par_iter().map(|r| record(r, reference, meter, &settings)).collect();
-    let first = replays.into_iter().next();
-    let first = first.ok_or_else(|| EvalError::Request("a series without runs".to_owned()))?;
-    Ok(Some(Series { method, budget, target_error, runs, first }))
+/// What all series of a sweep share.
+struct Context<'a> {
+    bank: &'a Bank,
+    reference: &'a Reference,
+    meter: EnergyMeter,
+    feature: Option<Feature>,
+    plan: &'a Plan,
 }
 
-fn record(replay: &Replay, reference: &Reference, meter: &EnergyMeter, settings: &Settings) -> RunRecord {
-    RunRecord {
-        spp: replay.samples_per_pixel(),
-        rays: replay.rays / replay.counts.len() as f64,
-        errors: errors(&replay.picture, reference),
-        flip: flip(&replay.picture, &reference.mean),
-        energy: meter.measure(&replay.picture),
-        structure: structure(&replay.picture, reference),
-        stops: stops(replay, reference, settings),
-        reopened_pixels: replay.statistics.reopened_pixels,
-        reopened_regions: replay.statistics.reopened_regions,
+impl Context<'_> {
+    fn record(&self, replay: &Replay, settings: &Settings, run: u64) -> RunRecord {
+        let reference = self.reference;
+        RunRecord {
+            spp: replay.samples_per_pixel(),
+            rays: replay.rays / replay.counts.len() as f64,
+            errors: errors(&replay.picture, reference),
+            flip: flip(&replay.picture, &reference.mean),
+            energy: self.meter.measure(&replay.picture),
+            noise: reported_noise(self.bank, replay, run),
+            structure: structure(&replay.picture, reference),
+            stops: stops(replay, reference, settings),
+            reopened_pixels: replay.statistics.reopened_pixels,
+            reopened_regions: replay.statistics.reopened_regions,
+        }
+    }
+
+    fn series(&self, method: Method, budget: f64) -> Result<Option<Series>, EvalError> {
+        let (bank, plan) = (self.bank, self.plan);
+        let mut settings = method.apply(&plan.settings);
+        let target_error = if method == Method::Uniform {
+            settings.max_samples = budget as u32;
+            settings.min_samples = settings.min_samples.min(settings.max_samples);
+            None
+        } else {
+            let Some(target) = find_target(bank, &settings, budget, plan.runs)? else { return Ok(None) };
+            settings.target_error = target;
+            Some(target)
+        };
+        let replays: Vec<Replay> = (0..plan.runs)
+            .into_par_iter()
+            .map(|run| replay(bank, &settings, run))
+            .collect::<Result<_, _>>()?;
+        let runs = replays.par_iter().enumerate();
+        let runs = runs.map(|(run, replay)| self.record(replay, &settings, run as u64)).collect();
+        let discoveries = self.feature.as_ref().map(|feature| {
+            (0..plan.runs).into_par_iter().map(|run| discovery(bank, &settings, run, feature)).collect()
+        });
+        let first = replays.into_iter().next();
+        let first = first.ok_or_else(|| EvalError::Request("a series without runs".to_owned()))?;
+        let discoveries = discoveries.transpose()?;
+        Ok(Some(Series { method, budget, target_error, settings, discoveries, runs, first }))
     }
 }
 

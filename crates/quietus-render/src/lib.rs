@@ -5,6 +5,7 @@
 //! light.
 
 mod fault;
+pub mod noise;
 mod pixel_errors;
 mod process;
 mod progress;

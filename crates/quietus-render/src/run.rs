@@ -264,6 +264,9 @@ impl<T: Tracer> Shared<'_, T> {
             skips: sampling.skips,
             reopened_pixels: sampling.reopened_pixels,
             reopened_regions: sampling.reopened_regions,
+            noise_reached: None,
+            noise_low: None,
+            noise_high: None,
             nonfinite_samples: self.film.rejected().count(),
             peak_rss_bytes: process::peak_rss_bytes(),
         }

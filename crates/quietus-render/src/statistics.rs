@@ -3,6 +3,8 @@
 use quietus::RebuildRecord;
 use serde::Serialize;
 
+use crate::noise::Noise;
+
 /// Percentiles of the samples per pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct SampleStatistics {
@@ -99,10 +101,27 @@ pub struct Statistics {
     pub reopened_pixels: u64,
     /// Regions that were complete in a tree and active in the next.
     pub reopened_regions: u64,
+    /// Root mean square error of the finished picture in display space, in percent of white, measured by samples that
+    /// decided nothing ([`crate::noise`]); absent where it was not measured.
+    pub noise_reached: Option<f64>,
+    /// Lower end of its 95 % confidence interval.
+    pub noise_low: Option<f64>,
+    /// Upper end.
+    pub noise_high: Option<f64>,
     /// Samples rejected because they were not finite.
     pub nonfinite_samples: u64,
     /// Most memory held at once, in bytes; absent where the system does not tell.
     pub peak_rss_bytes: Option<u64>,
+}
+
+impl Statistics {
+    /// Takes in what was measured of the noise.
+    pub fn set_noise(&mut self, noise: Noise) {
+        let percent = |share: f64| Some(100.0 * share);
+        self.noise_reached = percent(noise.reached);
+        self.noise_low = percent(noise.low);
+        self.noise_high = percent(noise.high);
+    }
 }
 
 #[cfg(test)]

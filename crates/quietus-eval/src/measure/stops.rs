@@ -90,6 +90,7 @@ mod tests {
         (0..128).filter(|i| i % 16 < 8).for_each(|i| picture.rgb[i] = [1.05; 3]);
         let replay = Replay {
             picture,
+            halves: Vec::new(),
             counts: vec![16; 128],
             samples: 2048,
             rays: 0.0,

@@ -1,11 +1,4 @@
-//! Replays against direct sums, and against live renders.
-
-use std::{num::NonZeroUsize, sync::atomic::AtomicBool};
-
-use glam::Vec3;
-use quietus_film::Window;
-use quietus_render::{Control, Machinery, PathTracer, RenderSettings, Sampling, Tracer, render, shown_error};
-use quietus_trace::tile::{PixelWork, Sample, SampleSink, TileCounts};
+//! Replays against direct sums. Against live renders: see [`crate::live`].
 
 use quietus::Policy;
 
@@ -72,52 +65,4 @@ fn what_does_not_fit_the_bank_is_refused() {
     assert!(message(&other).contains("the bank holds 36x20 pixels"));
     let many = Settings { replicates: 7, ..settings(Policy::Uniform, 8) };
     assert!(message(&many).contains("the bank has 6 streams"));
-}
-
-/// The path tracer with samples rounded as banks round them.
-struct Rounding<'a>(PathTracer<'a>);
-
-struct RoundingSink<'a, S>(&'a mut S);
-
-impl<S: SampleSink> SampleSink for RoundingSink<'_, S> {
-    fn add(&mut self, work: &PixelWork, index: u32, sample: &Sample) {
-        let [r, g, b, alpha] = packed::unpack(packed::pack(sample.radiance, sample.alpha).unwrap());
-        self.0.add(work, index, &Sample { radiance: Vec3::new(r, g, b), alpha, ..*sample });
-    }
-}
-
-impl Tracer for Rounding<'_> {
-    fn render_tile(&self, work: &[PixelWork], sink: &mut impl SampleSink) -> TileCounts {
-        self.0.render_tile(work, &mut RoundingSink(sink))
-    }
-}
-
-/// What makes replays worth anything: run k of a bank is the live render with the bank's seed plus k, sample
-/// by sample and decision by decision. Same counts, same picture, bit for bit.
-#[test]
-fn a_replay_is_the_live_render() {
-    let (bank, subject) = (bank(), Subject::embedded().unwrap());
-    for (sampling, policy) in [(Sampling::Quietus, Policy::Quietus), (Sampling::Pixel, Policy::Pixel)] {
-        let settings = settings(policy, 64);
-        let replayed = replay(&bank, &settings, 2).unwrap();
-        let view = subject.view(&bank.spec().look, 2).unwrap();
-        let tracer = Rounding(PathTracer { scene: &subject.scene, view: &view });
-        let live = RenderSettings {
-            frame: [36, 20],
-            window: Window { x0: 0, y0: 0, x1: 36, y1: 20 },
-            sampling,
-            target_error: settings.target_error,
-            min_samples: settings.min_samples,
-            max_samples: settings.max_samples,
-            time_limit: None,
-            threads: NonZeroUsize::new(2).unwrap(),
-            machinery: Machinery::default(),
-        };
-        let mut control = Control { cancel: &AtomicBool::new(false), progress: &mut |_| () };
-        let picture = render(&tracer, &live, &mut control).unwrap().film.picture(shown_error);
-        assert_eq!(picture.samples, replayed.counts, "{policy:?}");
-        let colors: Vec<[f32; 3]> = picture.beauty.iter().map(|c| [c[0], c[1], c[2]]).collect();
-        assert_eq!(colors, replayed.picture.rgb, "{policy:?}");
-        assert!(replayed.counts.iter().any(|&n| n < 64), "{policy:?} stops somewhere");
-    }
 }

@@ -10,6 +10,7 @@ use crate::{
     EvalError, Method, Picture, Reference,
     compare::{Comparison, Point},
     measure::{Measure, flip_map},
+    statistics::mean,
     sweep::Series,
 };
 
@@ -49,7 +50,10 @@ const NOTES: &str = "<p>Every method was replayed on the same recorded samples t
     error that bias makes, and says nothing of bias otherwise. <b>Energy</b>: brightness gained or lost against uniform \
     sampling of the same samples. <b>Share</b>: of what the best allocation that does not look at the values it \
     keeps could gain. <b>Block, step, edge</b>: error on the 8x8 grid against a displaced one, relative to uniform \
-    sampling; 1 where it knows no tiles. <b>False</b>: stopped area whose true error is not below the target. Bars and \
+    sampling; 1 where it knows no tiles. <b>False</b>: stopped area whose true error is not below the target. \
+    <b>Found</b>: samples per pixel spent when the light that few samples catch is found. <b>Gain in time</b>: from live \
+    renders, CPU time that uniform sampling takes over CPU time taken; <b>live</b>: how many of them had the picture of \
+    their replay, bit for bit. Bars and \
     brackets are 95 % confidence; a star marks a gain read from the extended fit.</p>\n";
 
 fn section(page: &mut String, scene: &Scene<'_>, measure: Measure) -> Result<(), EvalError> {
@@ -60,20 +64,55 @@ fn section(page: &mut String, scene: &Scene<'_>, measure: Measure) -> Result<(),
     for measure in Measure::ALL {
         let errors =
             lines(comparison, |p| find(p, measure).map(|e| [e.error.value, e.error.low, e.error.high]));
-        page.push_str(&log_plot(&format!("error: {}", measure.name()), "mean squared error", &errors)?);
+        page.push_str(&log_plot(
+            &format!("error: {}", measure.name()),
+            [SPP, "mean squared error"],
+            &errors,
+        )?);
     }
     let gains = lines(comparison, |p| find(p, measure).map(|e| [e.gain.value, e.gain.low, e.gain.high]));
-    page.push_str(&log_plot(&format!("gain at equal error: {}", measure.name()), "gain", &gains)?);
+    page.push_str(&log_plot(&format!("gain at equal error: {}", measure.name()), [SPP, "gain"], &gains)?);
     let flips = lines(comparison, |p| Some([p.flip.value, p.flip.low, p.flip.high]));
-    page.push_str(&log_plot("mean FLIP", "FLIP", &flips)?);
+    page.push_str(&log_plot("mean FLIP", [SPP, "FLIP"], &flips)?);
+    if comparison.points.iter().any(|p| p.live.is_some()) {
+        timed(page, comparison, measure)?;
+    }
     page.push_str("</div>\n");
     pictures(page, scene)
 }
 
+/// Plots over CPU time.
+fn timed(page: &mut String, comparison: &Comparison, measure: Measure) -> Result<(), EvalError> {
+    let seconds = |p: &Point| p.live.as_ref().map_or(f64::NAN, |live| mean(&live.cpu_seconds));
+    let value = |p: &Point| find(p, measure).map(|e| [e.error.value, e.error.low, e.error.high]);
+    let errors = lines_over(comparison, seconds, value);
+    let labels = ["CPU seconds", "mean squared error"];
+    page.push_str(&log_plot(&format!("error over time: {}", measure.name()), labels, &errors)?);
+    let value = |p: &Point| find(p, measure)?.gain_in_time.map(|gain| [gain.value, gain.low, gain.high]);
+    let gains = lines_over(comparison, seconds, value);
+    page.push_str(&log_plot(
+        &format!("gain at equal time: {}", measure.name()),
+        ["CPU seconds", "gain"],
+        &gains,
+    )?);
+    Ok(())
+}
+
+/// Label of the axis that most plots have.
+const SPP: &str = "samples per pixel";
+
 fn lines(comparison: &Comparison, value: impl Fn(&Point) -> Option<[f64; 3]>) -> Vec<Line> {
+    lines_over(comparison, |p| p.spp, value)
+}
+
+fn lines_over(
+    comparison: &Comparison,
+    x: impl Fn(&Point) -> f64,
+    value: impl Fn(&Point) -> Option<[f64; 3]>,
+) -> Vec<Line> {
     let line = |method: Method| {
         let points = comparison.points.iter().filter(|p| p.method == method);
-        Line { method, points: points.filter_map(|p| Some((p.spp, value(p)?))).collect() }
+        Line { method, points: points.filter_map(|p| Some((x(p), value(p)?))).collect() }
     };
     Method::ALL.into_iter().map(line).filter(|line| !line.points.is_empty()).collect()
 }

@@ -30,10 +30,10 @@ pub(crate) fn color(method: Method) -> RGBColor {
     }
 }
 
-/// An SVG with both axes logarithmic; what is not positive is left out.
-pub(crate) fn log_plot(title: &str, y_label: &str, lines: &[Line]) -> Result<String, EvalError> {
+/// An SVG with both axes logarithmic, labelled x and y; what is not positive is left out.
+pub(crate) fn log_plot(title: &str, labels: [&str; 2], lines: &[Line]) -> Result<String, EvalError> {
     let mut svg = String::new();
-    draw(&mut svg, title, y_label, lines)
+    draw(&mut svg, title, labels, lines)
         .map_err(|e| EvalError::Request(format!("cannot draw the plot \"{title}\": {e}")))?;
     Ok(svg)
 }
@@ -41,7 +41,7 @@ pub(crate) fn log_plot(title: &str, y_label: &str, lines: &[Line]) -> Result<Str
 fn draw(
     svg: &mut String,
     title: &str,
-    y_label: &str,
+    [x_label, y_label]: [&str; 2],
     lines: &[Line],
 ) -> Result<(), Box<dyn std::error::Error>> {
     let positive = |(x, y): &(f64, [f64; 3])| (*x > 0.0 && y[0] > 0.0).then_some((*x, *y));
@@ -60,7 +60,7 @@ fn draw(
         .x_label_area_size(36)
         .y_label_area_size(64)
         .build_cartesian_2d(xs.log_scale(), ys.clone().log_scale())?;
-    chart.configure_mesh().x_desc("samples per pixel").y_desc(y_label).light_line_style(WHITE).draw()?;
+    chart.configure_mesh().x_desc(x_label).y_desc(y_label).light_line_style(WHITE).draw()?;
     for line in lines {
         let color = color(line.method);
         let points: Vec<_> = line.points.iter().filter_map(positive).collect();

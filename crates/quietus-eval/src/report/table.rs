@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use crate::{
-    compare::{Comparison, ErrorPoint, Point},
+    compare::{Comparison, Discovery, ErrorPoint, Point},
     equivalence::{CONFIDENCE, Equivalence},
     measure::Measure,
     statistics::Estimate,
@@ -39,7 +39,7 @@ pub fn table(comparison: &Comparison, measure: Measure) -> String {
     }
     let _ = writeln!(
         text,
-        "{:<13}{:>7}{:>10} {:>10} {:>20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>16} {:>16} {:>18} {:>17} {:>6} {:>7} {:>8}",
+        "{:<13}{:>7}{:>10} {:>10} {:>20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>16} {:>16} {:>18} {:>17} {:>6} {:>7} {:>8} {:>12} {:>10} {:>20} {:>5}",
         "method",
         "spp",
         "target",
@@ -56,7 +56,11 @@ pub fn table(comparison: &Comparison, measure: Measure) -> String {
         "block step edge",
         "false",
         "true/t",
-        "re-open"
+        "re-open",
+        "found spp",
+        "noise",
+        "gain in time",
+        "live"
     );
     for point in &comparison.points {
         row(&mut text, point, measure);
@@ -72,7 +76,7 @@ fn row(text: &mut String, point: &Point, measure: Measure) {
     let [blocks, steps, edges] = point.structure.map(|e| e.value);
     let _ = writeln!(
         text,
-        "{:<13}{:>7.1}{:>10} {:>10.5} {:>20} {:>7} {:>8.3} {:>7.4} {:>7.3} {:>7.3} {:>16} {:>16} {:>18} {:>17} {:>6.2} {:>7.2} {:>8.0}",
+        "{:<13}{:>7.1}{:>10} {:>10.5} {:>20} {:>7} {:>8.3} {:>7.4} {:>7.3} {:>7.3} {:>16} {:>16} {:>18} {:>17} {:>6.2} {:>7.2} {:>8.0} {:>12} {:>10} {:>20} {:>5}",
         point.method.name(),
         point.spp,
         target,
@@ -90,7 +94,27 @@ fn row(text: &mut String, point: &Point, measure: Measure) {
         point.false_stops,
         point.true_over_target,
         point.reopened_pixels,
+        point.discovery.map_or_else(|| "-".to_owned(), found),
+        point.noise.map_or_else(
+            || "-".to_owned(),
+            |noise| format!("{:.2} {}/{}", noise.reported_over_true, noise.covered, noise.runs)
+        ),
+        error.gain_in_time.map_or_else(|| "-".to_owned(), |gain| interval(gain, 2)),
+        point
+            .live
+            .as_ref()
+            .map_or_else(|| "-".to_owned(), |live| format!("{}/{}", live.confirmed, live.renders)),
     );
+}
+
+/// Samples per pixel at which the late feature is found, and the percentage of the runs that find it, where that is
+/// not all.
+fn found(discovery: Discovery) -> String {
+    match discovery.found {
+        0.0 => "never".to_owned(),
+        1.0 => format!("{:.1}", discovery.spp.value),
+        share => format!("{:.1} ({:.0} %)", discovery.spp.value, 100.0 * share),
+    }
 }
 
 /// `-` where there is none.

@@ -1,0 +1,222 @@
+//! How far the finished picture is from the truth: from samples that decided nothing and are not in it.
+//!
+//! A few pixels are drawn again after the render, by two fresh replicates each. With m the finished pixel, v and w the
+//! means of the two, and g what a display shows, `(g(m) - g(v)) (g(m) - g(w))` has the expectation `(g(m) - E g(v))^2`:
+//! the squared error of that very pixel, whatever led to its value. No stopping is to be corrected for, and the noise
+//! of v and w adds no bias. What is left is that g is no straight line: E g(v) is not quite g of the truth.
+//! `docs/noise.md` has what that amounts to on recorded samples, and what was compared.
+//!
+//! Pixels are picked with known probabilities, mostly where the two halves of the film differ, so that few are enough
+//! (Hansen and Hurwitz 1943, *On the Theory of Sampling from Finite Populations*).
+
+mod measure;
+
+pub use measure::measure_noise;
+use serde::{Deserialize, Serialize};
+
+/// Share of the picks that go by the difference of halves; the rest is spread evenly, so that no pixel counts more
+/// than the inverse of the rest, however wrong the halves are.
+const GUIDED: f64 = 0.75;
+
+/// Differences of halves are pooled over squares of this many pixels to either side.
+const POOL: usize = 2;
+
+/// Share of a render's samples that are drawn again to measure its noise.
+pub const SHARE: f64 = 0.02;
+
+/// Pixels that are drawn again at least: small pictures need a larger share for a useful interval.
+pub const LEAST_PICKS: usize = 512;
+
+/// 97.5 % quantile of the normal distribution.
+const NORMAL_QUANTILE: f64 = 1.959_963_985;
+
+/// Root mean square error over all pixels and channels in display space, `sqrt(clamp(linear, 0, 1))`, as a share of
+/// white.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Noise {
+    /// The estimate.
+    pub reached: f64,
+    /// Lower end of its 95 % confidence interval.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// A value as it is displayed, with a gamma of 2.
+pub fn displayed(value: f32) -> f64 {
+    f64::from(value).clamp(0.0, 1.0).sqrt()
+}
+
+/// A finished picture, row by row.
+pub struct Finished<'a> {
+    /// Its width in pixels.
+    pub width: usize,
+    /// The two halves of each pixel.
+    pub halves: &'a [[[f32; 3]; 2]],
+    /// The mean of all samples of each pixel.
+    pub means: &'a [[f32; 3]],
+    /// Samples of each pixel.
+    pub counts: &'a [u32],
+}
+
+/// A pixel to draw again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pick {
+    /// Which pixel.
+    pub pixel: usize,
+    /// How many times it was picked before: every time has to have samples of its own.
+    pub repeat: u32,
+    /// Samples for each of the two replicates.
+    pub samples: u32,
+    /// Over how many pixels it stands for, relative to the mean: its squared error counts this much.
+    weight: f64,
+}
+
+/// Picks pixels of a finished picture, `budget` samples in all and at least `least` pixels. `random` numbers (in 0..1,
+/// by index) decide; equal arguments give equal picks.
+///
+/// # Panics
+/// Where the picture is empty, or its parts differ in length.
+pub fn pick(picture: &Finished<'_>, budget: f64, least: usize, random: impl Fn(u64) -> f64) -> Vec<Pick> {
+    let pixels = picture.means.len();
+    assert!(pixels > 0 && picture.halves.len() == pixels && picture.counts.len() == pixels, "a picture");
+    let differences = pooled_differences(picture);
+    let total: f64 = differences.iter().sum();
+    let even = 1.0 / pixels as f64;
+    let chances: Vec<f64> = match total > 0.0 {
+        true => differences.iter().map(|d| GUIDED * d / total + (1.0 - GUIDED) * even).collect(),
+        false => vec![even; pixels],
+    };
+    // As many samples as the pixel has, over both replicates.
+    let samples = |pixel: usize| picture.counts[pixel].div_ceil(2).max(1);
+    let cost: f64 = chances.iter().enumerate().map(|(p, chance)| chance * 2.0 * f64::from(samples(p))).sum();
+    let picks = ((budget / cost) as usize).max(least).max(2);
+    // One in each of as many equal parts of the cumulated chances: spread over the picture more evenly than picks
+    // that know nothing of each other.
+    let (mut pixel, mut below, mut repeat) = (0, 0.0, 0);
+    let pick = |index: usize| {
+        let place = (index as f64 + random(index as u64)) / picks as f64;
+        let before = pixel;
+        while pixel + 1 < pixels && below + chances[pixel] <= place {
+            below += chances[pixel];
+            pixel += 1;
+        }
+        repeat = if index > 0 && pixel == before { repeat + 1 } else { 0 };
+        Pick { pixel, repeat, samples: samples(pixel), weight: even / chances[pixel] }
+    };
+    (0..picks).map(pick).collect()
+}
+
+/// Squared displayed differences of halves, means over the pixels around.
+fn pooled_differences(picture: &Finished<'_>) -> Vec<f64> {
+    let (width, height) = (picture.width, picture.means.len() / picture.width);
+    let square = |[a, b]: &[[f32; 3]; 2]| -> f64 {
+        a.iter().zip(b).map(|(&a, &b)| (displayed(a) - displayed(b)).powi(2)).sum()
+    };
+    let squares: Vec<f64> = picture.halves.iter().map(square).collect();
+    let around = |place: usize, end: usize| place.saturating_sub(POOL)..(place + POOL + 1).min(end);
+    let pooled = |x: usize, y: usize| {
+        let rows = around(y, height).map(|row| squares[row * width..][around(x, width)].iter().sum::<f64>());
+        let count = around(y, height).len() * around(x, width).len();
+        rows.sum::<f64>() / count as f64
+    };
+    (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pooled(x, y)).collect()
+}
+
+/// The noise of a picture of pixel means `means` from `picks` and the means of their two fresh replicates.
+///
+/// The interval is normal for the logarithm, which is skewed less than the mean square itself.
+pub fn estimate(means: &[[f32; 3]], picks: &[Pick], fresh: &[[[f32; 3]; 2]]) -> Noise {
+    let squared = |pick: &Pick, [v, w]: &[[f32; 3]; 2]| -> f64 {
+        let m = means[pick.pixel].map(displayed);
+        let channels = (0..3).map(|c| (m[c] - displayed(v[c])) * (m[c] - displayed(w[c])));
+        pick.weight * channels.sum::<f64>() / 3.0
+    };
+    let values: Vec<f64> = picks.iter().zip(fresh).map(|(pick, fresh)| squared(pick, fresh)).collect();
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0) / n;
+    let deviation = variance.sqrt();
+    if mean <= 0.0 {
+        // By chance, where there is hardly any noise.
+        let high = (mean + NORMAL_QUANTILE * deviation).max(0.0).sqrt();
+        return Noise { reached: 0.0, low: 0.0, high };
+    }
+    let factor = (0.5 * NORMAL_QUANTILE * deviation / mean).exp();
+    let reached = mean.sqrt();
+    Noise { reached, low: reached / factor, high: reached * factor }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// SplitMix (Steele, Lea and Flood 2014), in 0..1.
+    fn random(seed: u64) -> impl Fn(u64) -> f64 {
+        move |index| {
+            let mut z = (seed << 32 ^ index).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+        }
+    }
+
+    /// A picture of 32x32 pixels of 0.25 whose right half has noise: values of `sigma` times a sum of uniform numbers.
+    fn value(random: &impl Fn(u64) -> f64, pixel: usize, stream: u64, sigma: f32) -> [f32; 3] {
+        let scale = if pixel % 32 < 16 { 0.0 } else { sigma };
+        let normal = (0..12).map(|i| random((pixel as u64 * 64 + stream) * 12 + i)).sum::<f64>() - 6.0;
+        [0.25 + scale * normal as f32; 3]
+    }
+
+    /// Of 200 pictures the intervals cover the truth in 180 to 199: of a binomial distribution of 95 % no more than
+    /// 3e-4 lies beyond either end.
+    #[test]
+    fn intervals_cover_the_true_error() {
+        let (mut covered, mut ratio) = (0, 0.0);
+        for seed in 0..200 {
+            let random = random(seed);
+            // Halves that agree too well, as where sampling stops when they do: only picks suffer.
+            let halves: Vec<_> =
+                (0..1024).map(|p| [value(&random, p, 0, 0.004), value(&random, p, 1, 0.004)]).collect();
+            let means: Vec<_> = (0..1024).map(|p| value(&random, p, 2, 0.01)).collect();
+            let picture = Finished { width: 32, halves: &halves, means: &means, counts: &[64; 1024] };
+            let picks = pick(&picture, 16_000.0, 10, &random);
+            assert_eq!(picks.len(), 250);
+            let fresh: Vec<_> = picks
+                .iter()
+                .map(|p| [0, 1].map(|i| value(&random, p.pixel, 4 + 2 * u64::from(p.repeat) + i, 0.014)))
+                .collect();
+            let noise = estimate(&means, &picks, &fresh);
+            let truth: f64 = means.iter().map(|m| (displayed(m[0]) - 0.5).powi(2)).sum::<f64>() / 1024.0;
+            covered += u32::from((noise.low..noise.high).contains(&truth.sqrt()));
+            ratio += noise.reached / truth.sqrt() / 200.0;
+        }
+        assert!((180..200).contains(&covered), "{covered}");
+        assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
+    }
+
+    #[test]
+    fn picks_go_where_halves_differ_and_everywhere() {
+        let random = random(9);
+        let halves: Vec<_> =
+            (0..1024).map(|p| [value(&random, p, 0, 0.01), value(&random, p, 1, 0.01)]).collect();
+        let means: Vec<_> = halves.iter().map(|h| h[0]).collect();
+        let picture = Finished { width: 32, halves: &halves, means: &means, counts: &[10; 1024] };
+        let picks = pick(&picture, 0.0, 400, &random);
+        let left = picks.iter().filter(|p| p.pixel % 32 < 14).count();
+        assert_eq!(picks.len(), 400);
+        // A quarter of all picks is spread over all columns, 14 of 32 of them are left: 44, and a few more or less.
+        assert!((30..60).contains(&left), "{left}");
+        assert!(picks.iter().all(|p| p.weight <= 1.0 / (1.0 - GUIDED) + 1e-9 && p.samples == 5));
+        assert!(picks.windows(2).all(|p| p[0].pixel < p[1].pixel || p[1].repeat == p[0].repeat + 1));
+    }
+
+    #[test]
+    fn a_picture_without_noise_has_none() {
+        let (halves, means) = (vec![[[0.5; 3]; 2]; 64], vec![[0.5; 3]; 64]);
+        let picture = Finished { width: 8, halves: &halves, means: &means, counts: &[16; 64] };
+        let picks = pick(&picture, 1e3, 10, random(1));
+        let noise = estimate(&means, &picks, &vec![[[0.5; 3]; 2]; picks.len()]);
+        assert_eq!(noise, Noise { reached: 0.0, low: 0.0, high: 0.0 });
+    }
+}

@@ -388,6 +388,17 @@ mod tests {
     }
 
     #[test]
+    fn unbiased_is_a_way_to_sample_and_excludes_others() {
+        for flags in ["--unbiased", "--sampling unbiased", "--unbiased --target-error 0.01 --max-samples 99"] {
+            assert_eq!(plan(flags).unwrap().sampling, Sampling::Unbiased);
+        }
+        assert!(plan("--unbiased --tree t.svg").unwrap_err().contains("--tree needs a tree"));
+        for flags in ["--unbiased --sampling talk", "--unbiased --spp 9"] {
+            assert!(plan(flags).unwrap_err().contains("cannot be used with"), "{flags}");
+        }
+    }
+
+    #[test]
     fn a_limit_alone_moves_the_default_of_the_other() {
         assert_eq!(limits("--max-samples 4", None), (4, 4));
         assert_eq!(limits("--min-samples 9000", None), (9000, 9000));

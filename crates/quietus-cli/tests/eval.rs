@@ -37,6 +37,20 @@ fn one_command_records_compares_and_reports() {
 }
 
 #[test]
+fn equivalence_is_shown_or_not() {
+    let directory = tempfile::tempdir().unwrap();
+    let arguments = "--equivalence unbiased --runs 4 --samples 24 --budgets 40 --reference-spp 64 --json a.json";
+    let output = eval(directory.path(), &arguments.split_whitespace().collect::<Vec<_>>());
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    // Four runs can never do: the interval of a mean of four is far wider than the margin.
+    assert!(text.contains("4 runs of") && text.contains("equivalence not shown"), "{text}");
+    let json = std::fs::read(directory.path().join("a.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    assert_eq!((&json[0]["method"], &json[0]["runs"]), (&"unbiased".into(), &4.into()));
+}
+
+#[test]
 fn what_makes_no_sense_is_refused_before_anything_is_recorded() {
     let directory = tempfile::tempdir().unwrap();
     for (arguments, code, message) in [

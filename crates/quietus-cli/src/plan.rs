@@ -389,7 +389,8 @@ mod tests {
 
     #[test]
     fn unbiased_is_a_way_to_sample_and_excludes_others() {
-        for flags in ["--unbiased", "--sampling unbiased", "--unbiased --target-error 0.01 --max-samples 99"] {
+        for flags in ["--unbiased", "--sampling unbiased", "--unbiased --target-error 0.01 --max-samples 99"]
+        {
             assert_eq!(plan(flags).unwrap().sampling, Sampling::Unbiased);
         }
         assert!(plan("--unbiased --tree t.svg").unwrap_err().contains("--tree needs a tree"));

@@ -39,7 +39,8 @@ fn one_command_records_compares_and_reports() {
 #[test]
 fn equivalence_is_shown_or_not() {
     let directory = tempfile::tempdir().unwrap();
-    let arguments = "--equivalence unbiased --runs 4 --samples 24 --budgets 40 --reference-spp 64 --json a.json";
+    let arguments =
+        "--equivalence unbiased --runs 4 --samples 24 --budgets 40 --reference-spp 64 --json a.json";
     let output = eval(directory.path(), &arguments.split_whitespace().collect::<Vec<_>>());
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

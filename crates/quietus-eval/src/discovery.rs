@@ -4,19 +4,19 @@ use quietus::Settings;
 
 use crate::{Bank, EvalError, Picture, Reference, replay::replay_watched};
 
-/// A pixel is late where its light is caught as if by fewer than one sample in this many.
-const RARE: f64 = 64.0;
+/// Share of the visible pixels that make up the feature: those whose light is rarest.
+const SHARE: f64 = 0.02;
+
+/// Light that more than one sample in this many catches is not late.
+const RARE: f64 = 4.0;
 
 /// Pixels darker than this share of the picture's mean are not missed.
 const VISIBLE: f64 = 0.1;
 
-/// Fewer pixels than this share of the picture are no feature.
-const LEAST_SHARE: f64 = 0.002;
-
 /// The pixels of a picture that are lit by rare paths.
 ///
 /// Light that arrives only with probability p, then as bright as it is, has `mean^2 / (mean^2 + variance) = p` over
-/// single samples. Late pixels are those for which that is below 1/64 and which are visible at all.
+/// single samples. The feature is the fiftieth of the visible pixels where p is least, as far as it is below 1/4.
 #[derive(Clone, Debug)]
 pub struct Feature {
     /// Number and luminance of each of its pixels.
@@ -28,15 +28,19 @@ impl Feature {
     pub fn of(reference: &Reference) -> Option<Self> {
         let luminances: Vec<f64> = reference.mean.rgb.iter().copied().map(luminance).collect();
         let mean = luminances.iter().sum::<f64>() / luminances.len() as f64;
-        let is_late = |i: usize| {
+        let chance = |i: usize| {
             let square = luminances[i] * luminances[i];
             // Channels of rare light rise together: the standard deviation of luminance is that of its parts.
             let deviation = luminance(reference.sample_variance[i].map(f32::sqrt));
-            luminances[i] > VISIBLE * mean && square / (square + deviation * deviation) < 1.0 / RARE
+            square / (square + deviation * deviation)
         };
-        let pixels: Vec<_> =
-            (0..luminances.len()).filter(|&i| is_late(i)).map(|i| (i, luminances[i])).collect();
-        (pixels.len() as f64 >= LEAST_SHARE * luminances.len() as f64).then_some(Self { pixels })
+        let visible = (0..luminances.len()).filter(|&i| luminances[i] > VISIBLE * mean);
+        let mut rarest: Vec<(f64, usize)> = visible.map(|i| (chance(i), i)).collect();
+        rarest.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        rarest.truncate((SHARE * rarest.len() as f64).ceil() as usize);
+        let late = rarest.into_iter().filter(|&(chance, _)| chance < 1.0 / RARE);
+        let pixels: Vec<_> = late.map(|(_, i)| (i, luminances[i])).collect();
+        (!pixels.is_empty()).then_some(Self { pixels })
     }
 
     /// Share of the picture's pixels.
@@ -84,13 +88,16 @@ mod tests {
 
     #[test]
     fn rare_light_is_late_and_found_by_half_of_its_pixels() {
-        let mut reference = flat(10, 10, 0.5, 0.0);
-        assert!(Feature::of(&reference).is_none(), "variance 1 at 0.5: one sample in 5");
-        // Ten pixels of mean 0.5 that one sample in 100 lights: variance 0.25 * 99. One as rare, but dark.
-        reference.sample_variance[..11].fill([0.25 * 99.0; 3]);
-        reference.mean.rgb[10] = [0.01; 3];
+        let mut reference = flat(50, 10, 0.75, 0.0);
+        assert!(Feature::of(&reference).is_none(), "variance 1 at 0.75: a third of all samples");
+        // Twelve pixels of mean 0.5 that one sample in 100 or 101 lights: variance 0.25 * 99 or 100. One as rare, but
+        // dark. A fiftieth of 499 pixels is 10.
+        reference.mean.rgb[..12].fill([0.5; 3]);
+        reference.sample_variance[..10].fill([0.25 * 100.0; 3]);
+        reference.sample_variance[10..13].fill([0.25 * 99.0; 3]);
+        reference.mean.rgb[12] = [0.01; 3];
         let feature = Feature::of(&reference).unwrap();
-        assert_eq!(feature.share(&reference.mean), 0.1);
+        assert_eq!(feature.share(&reference.mean), 0.02);
         assert!(!feature.is_found(|i| if i < 4 { [9.0; 3] } else { [0.2; 3] }));
         assert!(feature.is_found(|i| if i < 5 { [0.3; 3] } else { [0.0; 3] }));
     }

@@ -22,7 +22,7 @@ pub(crate) fn reported_noise(bank: &Bank, replay: &Replay, run: u64) -> Option<N
         counts: &replay.counts,
     };
     let picks = pick(&finished, SHARE * replay.samples as f64, LEAST_PICKS, |index| {
-        Random::new(run ^ 0x6e6f_6973_65, index).next() as f64 / 2.0_f64.powi(64)
+        Random::new(run ^ 0x6e6f_6973, index).next() as f64 / 2.0_f64.powi(64)
     });
     let fresh: Vec<[[f32; 3]; 2]> = picks
         .iter()

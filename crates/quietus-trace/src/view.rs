@@ -95,7 +95,7 @@ impl View {
     /// # Errors
     /// A limit that is not above 0.
     pub fn with_indirect_limit(self, limit: f32) -> Result<Self, ViewError> {
-        if !(limit > 0.0) {
+        if limit.is_nan() || limit <= 0.0 {
             return Err(ViewError::IndirectLimit(limit));
         }
         Ok(Self { indirect_limit: limit, ..self })

@@ -9,8 +9,11 @@ use quietus_trace::filter::Filter;
 use quietus_trace::scene::Scene;
 use quietus_trace::view::View;
 
+/// What reads bytes.
+pub type Reader = fn(&[u8]);
+
 /// Each reader with the name of its target and of its corpus.
-pub const READERS: [(&str, fn(&[u8])); 6] = [
+pub const READERS: [(&str, Reader); 6] = [
     ("gltf", gltf),
     ("pbrt", pbrt),
     ("ply", ply),

@@ -71,14 +71,16 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending, Failure> {
     let comparisons: Vec<Comparison> =
         tested.iter().map(|tested| Comparison::new(tested, &truth, args.tiles)).collect::<Result<_, _>>()?;
     if args.json {
-        let json = serde_json::to_string_pretty(&comparisons).map_err(|e| Failure::internal(e.to_string()))?;
+        let json =
+            serde_json::to_string_pretty(&comparisons).map_err(|e| Failure::internal(e.to_string()))?;
         say::result(json);
     } else {
         comparisons.iter().for_each(|comparison| say::result(comparison.describe()));
     }
     let last = &comparisons[comparisons.len() - 1];
     if let Some(path) = &args.difference {
-        let pixels: Vec<[u8; 3]> = last.flip_map.iter().map(|&flip| quietus_eval::report::heat(flip)).collect();
+        let pixels: Vec<[u8; 3]> =
+            last.flip_map.iter().map(|&flip| quietus_eval::report::heat(flip)).collect();
         write_rgb_png(path, last.size, &pixels)?;
     }
     let worst = comparisons.iter().map(|comparison| comparison.flip).fold(0.0, f64::max);
@@ -145,7 +147,8 @@ impl Comparison {
         }
         let pairs = || a.rgb.as_flattened().iter().zip(b.rgb.as_flattened());
         let pairs = || pairs().map(|(&a, &b)| (f64::from(a), f64::from(b)));
-        let mean = |value: &dyn Fn((f64, f64)) -> f64| pairs().map(value).sum::<f64>() / pairs().count() as f64;
+        let mean =
+            |value: &dyn Fn((f64, f64)) -> f64| pairs().map(value).sum::<f64>() / pairs().count() as f64;
         let squares = display_squares(a, b);
         let map = flip_map(a, b);
         let mut sorted = map.clone();

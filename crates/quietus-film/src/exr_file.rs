@@ -251,7 +251,9 @@ pub fn read_exr_planes(path: &Path) -> Result<ExrPlanes, OutputError> {
         metadata: metadata(layer),
     };
     let has_colors = |layer: &&Layer<AnyChannels<FlatSamples>>| {
-        ["R", "G", "B"].iter().all(|name| layer.channel_data.list.iter().any(|channel| channel.name == **name))
+        ["R", "G", "B"]
+            .iter()
+            .all(|name| layer.channel_data.list.iter().any(|channel| channel.name == **name))
     };
     let colored = image.layer_data.iter().find(has_colors);
     colored.map(planes).ok_or_else(|| wrong("no layer has the channels `R`, `G` and `B`"))

@@ -16,7 +16,9 @@ mod png_file;
 mod rejected;
 
 pub use buffer::{TileBuffer, VisitSummary};
-pub use exr_file::{ExrChannel, ExrInfo, ExrLayer, ExrPlanes, Metadata, read_exr, read_exr_info, read_exr_planes, write_exr};
+pub use exr_file::{
+    ExrChannel, ExrInfo, ExrLayer, ExrPlanes, Metadata, read_exr, read_exr_info, read_exr_planes, write_exr,
+};
 pub use film::{Aovs, Film, Replicate, TileCopy};
 pub use layout::{Layout, LayoutError, TILE, TILE_PIXELS, Window};
 pub use output::{OutputError, OutputFormat, check_writable, remove_unfinished, write_atomically};

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+#[allow(unreachable_pub, reason = "the fuzzer has it as a library")]
 #[path = "../../../fuzz/src/readers.rs"]
 mod readers;
 

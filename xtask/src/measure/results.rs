@@ -55,7 +55,9 @@ fn print_scene(comparison: &Value) -> Result<()> {
         curve["exponent"].as_f64().context("no exponent")?,
         curve["limit"].as_f64().map_or("not defined".into(), |limit| format!("{limit:.2}")),
     );
-    println!("| policy | spp | gain | share of the limit | energy | darkest fifth | worst tile | block, step, edge |");
+    println!(
+        "| policy | spp | gain | share of the limit | energy | darkest fifth | worst tile | block, step, edge |"
+    );
     println!("|---|---|---|---|---|---|---|---|");
     for point in points(comparison) {
         let error = find(&point["errors"])?;
@@ -88,7 +90,8 @@ fn print_overview(scenes: &[(&str, Value)]) -> Result<()> {
     println!("|---|---|{}", "---|".repeat(methods.len()));
     for (scene, comparison) in scenes {
         let limit = find(&comparison["uniform"])?["limit"].as_f64();
-        let cells: Vec<String> = methods.iter().map(|method| cell(comparison, method)).collect::<Result<_>>()?;
+        let cells: Vec<String> =
+            methods.iter().map(|method| cell(comparison, method)).collect::<Result<_>>()?;
         println!("| {scene} | {} | {} |", limit.map_or("-".into(), |l| format!("{l:.2}")), cells.join(" | "));
     }
     Ok(())
@@ -96,7 +99,8 @@ fn print_overview(scenes: &[(&str, Value)]) -> Result<()> {
 
 /// Gain and energy of a method at 64 samples.
 fn cell(comparison: &Value, method: &str) -> Result<String> {
-    let found = points(comparison).find(|point| name(point) == method && point["budget"].as_f64() == Some(64.0));
+    let found =
+        points(comparison).find(|point| name(point) == method && point["budget"].as_f64() == Some(64.0));
     let Some(point) = found else { return Ok("-".into()) };
     let gain = middle(&find(&point["errors"])?["gain"])?;
     Ok(format!("{gain:.2} ({:+.2} %)", 100.0 * middle(&point["bias"]["picture"])?))
@@ -128,6 +132,7 @@ fn estimate(value: &Value, scale: f64, digits: usize) -> Result<String> {
 
 /// In percent, with half of the interval.
 fn bias(value: &Value) -> Result<String> {
-    let half = 50.0 * (value["high"].as_f64().unwrap_or(f64::NAN) - value["low"].as_f64().unwrap_or(f64::NAN));
+    let half =
+        50.0 * (value["high"].as_f64().unwrap_or(f64::NAN) - value["low"].as_f64().unwrap_or(f64::NAN));
     Ok(format!("{:+.2} ± {half:.2} %", 100.0 * middle(value)?))
 }

@@ -120,7 +120,7 @@ fn attributes(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, Strin
     // The first element ends the tail.
     let mut previous = tail[tail.len() - stride..].to_vec();
     let mut bytes = vec![0; count * stride];
-    let most = (8192 / stride & !(GROUP - 1)).min(256);
+    let most = ((8192 / stride) & !(GROUP - 1)).min(256);
     for block in bytes.chunks_mut(most * stride) {
         for (k, previous) in previous.iter_mut().enumerate() {
             let groups = (block.len() / stride).div_ceil(GROUP);

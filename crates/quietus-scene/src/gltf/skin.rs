@@ -76,6 +76,9 @@ fn inverse_binds(
     matrices.collect()
 }
 
+/// Four joints of each vertex, and how much it hangs on them.
+pub(super) type Set = (Vec<[f32; 4]>, Vec<[f32; 4]>);
+
 /// Which joints move which vertex, and how much: the same number of entries for every vertex.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Influences {
@@ -86,9 +89,9 @@ pub(super) struct Influences {
 }
 
 impl Influences {
-    /// Joints of four bones per vertex and set, with their weights, in one or two sets. Weights are brought to a sum
+    /// Puts one or two sets together. Weights are brought to a sum
     /// of 1; vertices without any weight hang on their first joint. Gives the number of those, too.
-    pub(super) fn new(sets: &[(Vec<[f32; 4]>, Vec<[f32; 4]>)]) -> (Self, usize) {
+    pub(super) fn new(sets: &[Set]) -> (Self, usize) {
         let count = sets.first().map_or(0, |(joints, _)| joints.len());
         let per_vertex = 4 * sets.len();
         let mut entries = Vec::with_capacity(count * per_vertex);

@@ -352,7 +352,8 @@ fn combine(left: &Costs, right: &Costs, area: f32, leaf_cost: f32) -> (Plan, Cos
     let (below, left_roots) = split(WIDTH);
     plan.set_left_roots(WIDTH, left_roots);
     let node_cost = area + below;
-    if leaf_cost <= node_cost {
+    // Areas of huge scenes overflow; an infinite cost then says no more that the range may be a leaf.
+    if leaf_cost.is_finite() && leaf_cost <= node_cost {
         plan.0 |= 1;
     }
     let mut costs = [leaf_cost.min(node_cost); WIDTH - 1];

@@ -89,6 +89,67 @@ fn the_exr_holds_every_channel_and_setting() {
     }
 }
 
+/// A lamp under a film of every wish.
+const WISHES: &str = r#"Film "rgb" "integer xresolution" 40 "integer yresolution" 30 "float iso" 200
+    "float cropwindow" [ 0.5 1 0 0.5 ] "float maxcomponentvalue" 3
+PixelFilter "mitchell" "float xradius" 2.5
+Sampler "zsobol" "integer pixelsamples" 6
+Integrator "path" "integer maxdepth" 2
+Camera "perspective" "float fov" 50
+WorldBegin
+AttributeBegin
+  AreaLightSource "diffuse" "rgb L" [ 1 1 1 ] "bool twosided" true
+  Shape "bilinearmesh" "point3 P" [ -9 -9 5  9 -9 5  -9 9 5  9 9 5 ]
+AttributeEnd
+"#;
+
+#[test]
+fn a_scene_decides_what_flags_leave_open() {
+    let dir = dir();
+    std::fs::write(dir.path().join("wishes.pbrt"), WISHES).unwrap();
+    let drawn = |flags: &str| {
+        let output = quietus(dir.path(), &format!("render wishes.pbrt -o a.exr {flags}"));
+        assert!(output.status.success(), "{flags}: {}", stderr(&output));
+        let (picture, metadata) = read_exr(&dir.path().join("a.exr")).unwrap();
+        let get = move |name: &str| metadata.iter().find(|(n, _)| n == name).map(|(_, value)| value.clone());
+        (picture, get, stderr(&output))
+    };
+    let (picture, get, said) = drawn("");
+    let expected = "wishes.pbrt asks for: 40x30 pixels; columns 0.5 to 1 and rows 0 to 0.5 of a frame of 1; at most 6 \
+                    samples per pixel; paths of up to 3 segments; filter mitchell (b 0.33333334, c 0.33333334, radius \
+                    2.5 x 2); exposure 2; samples darkened to 3 (energy is lost; --max-component inf)\n";
+    assert_eq!(said, expected);
+    assert_eq!((picture.frame, picture.window.x0, picture.window.y1), ([40, 30], 20, 15));
+    assert!(picture.samples.iter().all(|&samples| samples <= 6));
+    for (name, value) in [
+        ("max_samples", "6"),
+        ("max_depth", "3"),
+        ("filter", "mitchell"),
+        ("filter_radius", "[2.5,2.0]"),
+        ("exposure", "[2.0,2.0,2.0]"),
+        ("max_component", "3.0"),
+        ("from_scene", r#"["size","crop","max_samples","max_depth","filter","exposure","max_component"]"#),
+    ] {
+        assert_eq!(get(name).as_deref(), Some(value), "{name}");
+    }
+    let flags =
+        "--width 20 --crop 0,0,20,15 --spp 2 --max-depth 1 --filter box --exposure 0.5 --max-component inf";
+    let (picture, get, said) = drawn(flags);
+    assert_eq!(said, "");
+    assert_eq!((picture.frame, picture.window.width()), ([20, 15], 20));
+    // The lamp fills the picture: its radiance times the exposure.
+    assert!(picture.beauty.iter().all(|pixel| (pixel[0] - 0.5).abs() < 1e-3), "{:?}", picture.beauty[0]);
+    let found = ["filter", "exposure", "max_component", "from_scene"].map(get);
+    assert_eq!(found.map(Option::unwrap_or_default), ["box", "[0.5,0.5,0.5]", "", "[]"]);
+    let info = quietus(dir.path(), "info wishes.pbrt");
+    let text = String::from_utf8_lossy(&info.stdout).into_owned();
+    for line in
+        ["asks for     40x30 pixels", "asks for     at most 6 samples per pixel", "asks for     exposure 2"]
+    {
+        assert!(text.lines().any(|found| found == line), "{line}: {text}");
+    }
+}
+
 #[test]
 fn threads_change_nothing() {
     for sampling in ["quietus", "talk", "uniform --spp 8"] {

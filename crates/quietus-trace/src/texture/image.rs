@@ -113,14 +113,59 @@ impl FilteredImage {
             return image.fetch(x, y);
         }
         let corner = (place - 0.5).floor();
-        let f = place - 0.5 - corner;
         let c = corner.as_ivec2();
-        let [x0, x1] = [c.x, c.x + 1].map(|x| self.wrap[0].texel(x, size.x));
-        let [y0, y1] = [c.y, c.y + 1].map(|y| self.wrap[1].texel(y, size.y));
-        let top = image.fetch(x0, y0).lerp(image.fetch(x1, y0), f.x);
-        let bottom = image.fetch(x0, y1).lerp(image.fetch(x1, y1), f.x);
-        top.lerp(bottom, f.y)
+        let square = Square {
+            x: [c.x, c.x + 1].map(|x| self.wrap[0].texel(x, size.x)),
+            y: [c.y, c.y + 1].map(|y| self.wrap[1].texel(y, size.y)),
+            width: image.width,
+            between: place - 0.5 - corner,
+        };
+        // Once per look-up rather than per texel: what kind of texels there are, and where their curve is.
+        match &image.texels {
+            Texels::Srgb8(texels) => {
+                let curve = &*SRGB_TO_LINEAR;
+                square.interpolate(texels, |code| decode_srgb(curve, code))
+            }
+            Texels::Linear8(texels) => {
+                square.interpolate(texels, |t| Vec4::from_array(t.map(f32::from))) / 255.0
+            }
+            Texels::Float(texels) => square.interpolate(texels, Vec4::from_array),
+        }
     }
+}
+
+/// Four texels around a place, two columns by two rows.
+struct Square {
+    x: [u32; 2],
+    y: [u32; 2],
+    /// Of the whole image.
+    width: u32,
+    /// Where the place lies between their centres, in 0..1.
+    between: Vec2,
+}
+
+impl Square {
+    /// Interpolates between decoded texels; those outside of the image are 0.
+    #[inline(always)]
+    fn interpolate<T: Copy>(&self, texels: &[T], decode: impl Fn(T) -> Vec4) -> Vec4 {
+        let [x0, x1] = self.x;
+        let row = |y: u32| {
+            let start = y as usize * self.width as usize;
+            let texel = |x: u32| match x == OUTSIDE || y == OUTSIDE {
+                true => Vec4::ZERO,
+                false => decode(texels[start + x as usize]),
+            };
+            texel(x0).lerp(texel(x1), self.between.x)
+        };
+        row(self.y[0]).lerp(row(self.y[1]), self.between.y)
+    }
+}
+
+/// Linear RGBA of an 8-bit texel with the sRGB curve.
+#[inline(always)]
+fn decode_srgb(curve: &[f32; 256], [r, g, b, a]: [u8; 4]) -> Vec4 {
+    let linear = |code: u8| curve[usize::from(code)];
+    Vec4::new(linear(r), linear(g), linear(b), f32::from(a) / 255.0)
 }
 
 /// The opposite colour; nothing is darker than black.
@@ -137,11 +182,7 @@ impl Image {
     pub fn texel(&self, x: u32, y: u32) -> Vec4 {
         let i = y as usize * self.width as usize + x as usize;
         match &self.texels {
-            Texels::Srgb8(t) => {
-                let [r, g, b, a] = t[i];
-                let linear = |code: u8| SRGB_TO_LINEAR[usize::from(code)];
-                Vec4::new(linear(r), linear(g), linear(b), f32::from(a) / 255.0)
-            }
+            Texels::Srgb8(t) => decode_srgb(&SRGB_TO_LINEAR, t[i]),
             Texels::Linear8(t) => Vec4::from_array(t[i].map(f32::from)) / 255.0,
             Texels::Float(t) => Vec4::from_array(t[i]),
         }

@@ -136,6 +136,8 @@ fn measure(mut command: Command, folder: &Path, prefix: &str) -> Result<Measured
     }
     let text = String::from_utf8_lossy(&output.stdout);
     let line = text.lines().last().with_context(|| format!("nothing printed by {command:?}"))?;
+    // A terminal's control codes may come before it.
+    let line = line.find('{').map_or(line, |start| &line[start..]);
     let mut measured: Measured = serde_json::from_str(line).with_context(|| format!("printed: {line}"))?;
     let pictures: Vec<Vec<f32>> = SEEDS
         .iter()

@@ -73,6 +73,19 @@ impl PassCounts {
         count.saturating_add(self.pass(pass)).min(self.max_samples)
     }
 
+    /// What a pixel of `count` samples has after a visit that draws it, if it goes by its own count instead of by the
+    /// pass: the next count that a pixel drawn by every pass would have, but at least a quarter more. A pixel opened
+    /// again late goes on in small steps, and one that needs thousands of samples gets there in few passes.
+    pub fn next(&self, count: u32) -> u32 {
+        let (mut next, mut pass) = (0, 0);
+        while next <= count && next < self.max_samples {
+            (next, pass) = (self.grown(next, pass), pass + 1);
+        }
+        let quarter_more =
+            count.saturating_add(count / 4).div_ceil(self.replicates).saturating_mul(self.replicates);
+        next.max(quarter_more).min(self.max_samples)
+    }
+
     /// What a pixel has that each of the first `passes` passes has drawn.
     pub fn after(&self, passes: u64) -> u32 {
         (0..passes).fold(0, |count, pass| self.grown(count, pass))
@@ -105,6 +118,19 @@ mod tests {
         assert_eq!(sizes, [1, 4, 6, 8, 10]);
         let halves: Vec<u32> = (0..5).map(|pass| PassSchedule::TALK.samples_per_replicate(pass, 2)).collect();
         assert_eq!(halves, [1, 2, 3, 4, 5]);
+    }
+
+    #[test]
+    fn counts_grow_at_their_own_pace() {
+        let (schedule, replicates) = (PassSchedule::TALK, 2);
+        let counts = PassCounts { schedule, replicates, min_samples: 16, max_samples: 4000, lag: 2 };
+        // As every pass does, also from a count between.
+        assert_eq!([0, 2, 6, 12, 20, 30, 42].map(|n| counts.next(n)), [2, 6, 12, 20, 30, 42, 56]);
+        assert_eq!([1, 13, 19].map(|n| counts.next(n)), [2, 20, 24]);
+        // From there on by a quarter, in whole samples of both replicates, up to the maximum.
+        assert_eq!([110, 1000, 3600, 4000].map(|n| counts.next(n)), [138, 1250, 4000, 4000]);
+        let most = PassCounts { max_samples: u32::MAX, ..counts };
+        assert_eq!(most.next(u32::MAX - 5), u32::MAX);
     }
 
     #[test]

@@ -236,7 +236,11 @@ impl AdaptiveSampling {
 
     /// What a pixel of `count` samples is to have after pass `pass`, over all replicates.
     fn target_count(&self, count: u32, pass: u64) -> u32 {
-        self.settings.pass_counts().grown(count, pass)
+        let counts = self.settings.pass_counts();
+        match self.settings.policy {
+            Policy::Quietus => counts.next(count),
+            _ => counts.grown(count, pass),
+        }
     }
 }
 

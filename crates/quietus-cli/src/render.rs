@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use quietus_film::{OutputError, OutputFormat, RejectedSamples, write_atomically, write_exr, write_png};
 use quietus_render::{
-    Control, Fault, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy,
+    Control, Fault, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, Watched,
     noise::measure_noise, render, shown_error,
 };
 use quietus_trace::desc::{Camera, SceneDesc};
@@ -124,8 +124,8 @@ fn draw(
     let tracer = PathTracer { scene: &ready.scene, view: &ready.view };
     let settings = &ready.settings;
     let bar = Bar::new(measure(settings));
-    let mut progress = |progress: &_| bar.update(progress);
-    let outcome = render(&tracer, settings, &mut Control { cancel, progress: &mut progress });
+    let mut watch = |watched: &Watched<'_>| bar.update(&watched.progress);
+    let outcome = render(&tracer, settings, &mut Control { cancel, watch: &mut watch });
     bar.clear();
     let mut rendered = outcome.map_err(|error| match error {
         RenderError::Panicked(fault) => {

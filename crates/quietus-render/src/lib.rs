@@ -18,7 +18,7 @@ pub use fault::Fault;
 pub use pixel_errors::{pixel_error, shown_error};
 pub use process::available_memory;
 pub use progress::Progress;
-pub use run::{Control, RenderError, Rendered, StoppedBy, render};
+pub use run::{Control, RenderError, Rendered, StoppedBy, Watched, render};
 pub use settings::{Machinery, RenderSettings, Sampling};
 pub use statistics::{LoggedRebuild, MOST_LOGGED, SampleStatistics, Statistics};
 pub use tracer::{PathTracer, Tracer};

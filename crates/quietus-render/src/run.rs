@@ -25,7 +25,17 @@ pub struct Control<'a> {
     /// Set to stop at the next visit boundary of each thread.
     pub cancel: &'a AtomicBool,
     /// Called about twenty times a second, from the thread that called [`render`].
-    pub progress: &'a mut dyn FnMut(&Progress),
+    pub watch: &'a mut dyn FnMut(&Watched<'_>),
+}
+
+/// What a watcher sees of a running render. Film and sampling go on changing while it looks.
+pub struct Watched<'a> {
+    /// How far it is.
+    pub progress: Progress,
+    /// The film; each tile is copied out whole.
+    pub film: &'a Film,
+    /// The sampling: counts, errors, masks, trees.
+    pub sampling: &'a AdaptiveSampling,
 }
 
 /// Why a render ended.
@@ -209,11 +219,9 @@ impl<T: Tracer> Shared<'_, T> {
             if stopped_by == StoppedBy::Done {
                 stopped_by = self.stop_if_asked(start, control.cancel);
             }
-            (control.progress)(&estimator.reading(
-                start.elapsed(),
-                self.samples(),
-                self.sampling.converged_fraction(),
-            ));
+            let converged = self.sampling.converged_fraction();
+            let progress = estimator.reading(start.elapsed(), self.samples(), converged);
+            (control.watch)(&Watched { progress, film: &self.film, sampling: &self.sampling });
             running = lock(&self.running);
         }
         stopped_by

@@ -63,7 +63,7 @@ fn settings(width: u32, height: u32, sampling: Sampling) -> RenderSettings {
 }
 
 fn draw(tracer: &impl Tracer, settings: &RenderSettings) -> Result<Rendered, RenderError> {
-    render(tracer, settings, &mut Control { cancel: &AtomicBool::new(false), progress: &mut |_| () })
+    render(tracer, settings, &mut Control { cancel: &AtomicBool::new(false), watch: &mut |_| () })
 }
 
 fn picture(settings: &RenderSettings) -> Picture {
@@ -217,12 +217,13 @@ fn time_limit_and_cancelling_end_an_endless_render() {
 
     let cancel = AtomicBool::new(false);
     let mut looks = 0;
-    let mut progress = |progress: &quietus_render::Progress| {
+    let mut watch = |watched: &quietus_render::Watched<'_>| {
+        let progress = watched.progress;
         looks += 1;
         assert!(progress.converged_fraction.is_finite() && progress.samples_per_second >= 0.0);
         cancel.store(looks >= 3, Ordering::Relaxed);
     };
-    let control = &mut Control { cancel: &cancel, progress: &mut progress };
+    let control = &mut Control { cancel: &cancel, watch: &mut watch };
     let rendered = render(&Func(noise), &endless(), control).unwrap();
     assert_eq!(rendered.stopped_by, StoppedBy::Cancelled);
 }

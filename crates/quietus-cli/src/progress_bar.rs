@@ -89,6 +89,8 @@ mod tests {
             samples: 10,
             spp_mean: 12.34,
             samples_per_second: 2_340_000.0,
+            rays: 50,
+            rays_per_second: 12_500_000.0,
             converged_fraction: 0.5,
             remaining: Some(Duration::from_secs(3_723)),
         };

@@ -14,6 +14,10 @@ pub struct Progress {
     pub spp_mean: f64,
     /// Samples drawn per second, lately.
     pub samples_per_second: f64,
+    /// Rays traced so far: camera, bounce and shadow rays.
+    pub rays: u64,
+    /// Rays traced per second, lately.
+    pub rays_per_second: f64,
     /// Share of pixels that will not be sampled any more, 0..=1.
     pub converged_fraction: f64,
     /// Guessed time until the end; `None` while there is nothing to guess from.
@@ -31,6 +35,7 @@ const LEAST_SHARE: f64 = 0.02;
 struct Point {
     seconds: f64,
     samples: u64,
+    rays: u64,
     converged: f64,
 }
 
@@ -50,22 +55,25 @@ impl Estimator {
         Self { pixels: pixels as f64, most_samples, limit, history: VecDeque::new() }
     }
 
-    pub(crate) fn reading(&mut self, elapsed: Duration, samples: u64, converged: f64) -> Progress {
-        let now = Point { seconds: elapsed.as_secs_f64(), samples, converged };
+    pub(crate) fn reading(&mut self, elapsed: Duration, samples: u64, rays: u64, converged: f64) -> Progress {
+        let now = Point { seconds: elapsed.as_secs_f64(), samples, rays, converged };
         let since = now.seconds * (1.0 - RECENT);
         while self.history.len() > 1 && self.history[1].seconds <= since {
             self.history.pop_front();
         }
-        let start = Point { seconds: 0.0, samples: 0, converged: 0.0 };
+        let start = Point { seconds: 0.0, samples: 0, rays: 0, converged: 0.0 };
         let before = self.history.front().copied().unwrap_or(start);
         self.history.push_back(now);
         let span = (now.seconds - before.seconds).max(1e-9);
         let rate = now.samples.saturating_sub(before.samples) as f64 / span;
+        let rays_per_second = now.rays.saturating_sub(before.rays) as f64 / span;
         Progress {
             elapsed,
             samples,
             spp_mean: samples as f64 / self.pixels,
             samples_per_second: rate,
+            rays,
+            rays_per_second,
             converged_fraction: converged,
             remaining: self.remaining(before, now, rate).map(Duration::from_secs_f64),
         }
@@ -92,7 +100,8 @@ mod tests {
         let seconds = |i: u32| Duration::from_millis(100 * u64::from(i));
         let mut last = None;
         for i in 1..=50 {
-            last = Some(estimator.reading(seconds(i), 1000 * u64::from(i), converged(f64::from(i) / 50.0)));
+            let (samples, rays) = (1000 * u64::from(i), 5000 * u64::from(i));
+            last = Some(estimator.reading(seconds(i), samples, rays, converged(f64::from(i) / 50.0)));
         }
         last.unwrap()
     }
@@ -105,6 +114,7 @@ mod tests {
     fn steady_work_ends_when_its_samples_are_drawn() {
         let progress = run(&mut Estimator::new(100, Some(100_000.0), None), |_| 0.0);
         assert!((progress.samples_per_second - 10_000.0).abs() < 1e-6);
+        assert!((progress.rays_per_second - 50_000.0).abs() < 1e-6);
         assert!((progress.spp_mean - 500.0).abs() < 1e-9);
         assert!((left(&progress) - 5.0).abs() < 1e-6);
     }

@@ -220,7 +220,7 @@ impl<T: Tracer> Shared<'_, T> {
                 stopped_by = self.stop_if_asked(start, control.cancel);
             }
             let converged = self.sampling.converged_fraction();
-            let progress = estimator.reading(start.elapsed(), self.samples(), converged);
+            let progress = estimator.reading(start.elapsed(), self.samples(), self.rays(), converged);
             (control.watch)(&Watched { progress, film: &self.film, sampling: &self.sampling });
             running = lock(&self.running);
         }
@@ -243,6 +243,10 @@ impl<T: Tracer> Shared<'_, T> {
         self.counters.iter().map(|c| c.samples.load(Ordering::Relaxed)).sum()
     }
 
+    fn rays(&self) -> u64 {
+        self.counters.iter().map(|c| c.rays.load(Ordering::Relaxed)).sum()
+    }
+
     fn statistics(&self, wall: Duration, cpu: Option<Duration>) -> Statistics {
         let sampling = self.sampling.statistics();
         let thread_seconds = wall.as_secs_f64() * self.settings.threads.get() as f64;
@@ -255,7 +259,7 @@ impl<T: Tracer> Shared<'_, T> {
             wall_seconds: wall.as_secs_f64(),
             cpu_seconds: cpu.map(|cpu| cpu.as_secs_f64()),
             samples: self.samples(),
-            rays: self.counters.iter().map(|c| c.rays.load(Ordering::Relaxed)).sum(),
+            rays: self.rays(),
             per_pixel: SampleStatistics::of(&self.film.sample_counts()),
             passes: sampling.passes,
             converged_fraction: (self.sampling.converged_fraction() - rejected_pixels as f64 / pixels)

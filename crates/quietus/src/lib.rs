@@ -107,7 +107,7 @@ mod tile;
 pub mod visit_counter;
 
 pub use coordinator::{
-    AdaptiveSampling, Checks, MAX_FRAME_PIXELS, PixelWork, RebuildRecord, Settings, SettingsError,
+    AdaptiveSampling, Checks, MAX_FRAME_PIXELS, PixelWork, RebuildRecord, Settings, SettingsError, Start,
     Statistics, Visit, Worker,
 };
 pub use error_metric::{DammertzMetric, ErrorMetric, PixelError, ReplicateMean, SampleNoise};

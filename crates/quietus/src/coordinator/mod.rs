@@ -7,6 +7,7 @@ mod checks;
 mod end;
 mod region;
 mod settings;
+mod start;
 mod statistics;
 #[cfg(all(test, not(any(loom, shuttle))))]
 mod tests;
@@ -14,6 +15,7 @@ mod visit;
 mod worker;
 
 pub use settings::{Checks, MAX_FRAME_PIXELS, Settings, SettingsError};
+pub use start::Start;
 pub use statistics::{RebuildRecord, Statistics};
 pub use visit::{PixelWork, Visit};
 pub use worker::Worker;
@@ -47,6 +49,10 @@ pub struct AdaptiveSampling {
     progress: Box<[region::Progress]>,
     /// Passes before whose end no tree is made.
     untreed_passes: u64,
+    /// Passes of the sampling that this one goes on from.
+    first_pass: u64,
+    /// Whether it goes on from pixels below the minimum of samples.
+    lacks_minimum: bool,
 }
 
 /// When the picture is finished.
@@ -61,7 +67,12 @@ impl AdaptiveSampling {
     /// # Errors
     /// Where the settings make no sense; the error says what would.
     pub fn new(settings: Settings) -> Result<Self, SettingsError> {
+        Self::build(settings, None)
+    }
+
+    fn build(settings: Settings, start: Option<&Start>) -> Result<Self, SettingsError> {
         settings.validate()?;
+        start.map_or(Ok(()), |start| start.check(&settings))?;
         let grid = settings.grid();
         let regions = Regions::new(grid, settings.regions_per_axis);
         let frame = f64::from(settings.width) * f64::from(settings.height);
@@ -72,14 +83,21 @@ impl AdaptiveSampling {
             rebuild: settings.rebuild,
             counts: settings.pass_counts(),
         };
-        let rules: Vec<_> =
+        let mut rules: Vec<_> =
             (0..regions.len()).map(|region| settings.policy.rule(&rule_settings, region)).collect();
+        let planes: Box<[_]> = (0..settings.mode.slots()).map(|_| ErrorPlane::new(grid)).collect();
+        if let Some(start) = start {
+            planes.iter().for_each(|plane| start.fill(plane));
+            rules.iter_mut().for_each(|rule| rule.update(&planes[0]));
+        }
         let checks = TreeChecks::new(&settings, &regions, &rules);
         let homes: Vec<u32> = (0..grid.tiles()).map(|tile| regions.home(tile)).collect();
         let containing: Vec<Vec<u32>> =
             (0..grid.tiles()).map(|tile| regions.containing(tile).collect()).collect();
-        let progress = (0..regions.len()).map(|r| region::Progress::new(&regions, r)).collect();
-        let states = (0..).zip(rules).map(|(r, rule)| Region::new(&regions, r, rule)).collect();
+        let is_updated = start.is_some();
+        let states: Vec<_> =
+            (0..).zip(rules).map(|(r, rule)| Region::new(&regions, r, rule, is_updated)).collect();
+        let progress = states.iter().map(Region::progress).collect();
         let finish = match settings.mode {
             Mode::Deterministic { lag } => FinishRule::QuietPasses(PassLedger::new(regions.len(), lag)),
             Mode::FreeRunning => FinishRule::AtRest(Box::new(Quiescence::new(regions.len()))),
@@ -87,12 +105,17 @@ impl AdaptiveSampling {
         Ok(Self {
             protocol: Protocol::new(settings.mode, morton_order(&grid), &homes, &containing, states),
             checks,
-            planes: (0..settings.mode.slots()).map(|_| ErrorPlane::new(grid)).collect(),
-            counts: SampleCounts::new(grid.tiles(), settings.replicates),
+            planes,
+            counts: match start {
+                Some(start) => start.counts(&grid, settings.replicates),
+                None => SampleCounts::new(grid.tiles(), settings.replicates),
+            },
             finish,
             counters: Counters::default(),
             progress,
             untreed_passes: untreed_passes(&settings),
+            first_pass: start.map_or(0, |start| start.passes),
+            lacks_minimum: start.is_some_and(|start| start.is_below(settings.min_samples, &grid)),
             regions,
             settings,
         })
@@ -217,20 +240,28 @@ impl AdaptiveSampling {
 
     /// The pixels that a tile's visit in `pass` may draw, whatever their counts.
     fn check(&self, tile: u32, pass: u64) -> u64 {
-        let tree = match self.settings.mode {
-            Mode::Deterministic { lag } => pass.checked_sub(lag.into()),
-            Mode::FreeRunning => Some(0),
-        };
-        match tree {
-            Some(tree) => self.checks.active(tile, self.protocol.home(tile), tree),
-            None => self.grid().full_mask(tile),
+        // Tree `pass` - lag has the slot of tree `pass`, which is not made before this visit is finished. In the first
+        // passes that slot holds what sampling started with: all pixels active, or the tree of an earlier sampling.
+        self.checks.active(tile, self.protocol.home(tile), pass) | self.below_minimum(tile)
+    }
+
+    /// The pixels of a tile that lack samples from an earlier sampling's early end.
+    fn below_minimum(&self, tile: u32) -> u64 {
+        match self.lacks_minimum {
+            true => self.below(tile, self.grid().full_mask(tile), self.settings.min_samples),
+            false => 0,
         }
     }
 
     /// Those of `mask` that have not reached the maximum of samples.
     fn below_maximum(&self, tile: u32, mask: u64) -> u64 {
-        crate::active_mask::pixels(mask)
-            .filter(|&pixel| self.counts.pixel(tile, pixel) < self.settings.max_samples)
+        self.below(tile, mask, self.settings.max_samples)
+    }
+
+    /// Those of `mask` that have fewer samples than that.
+    fn below(&self, tile: u32, mask: u64, samples: u32) -> u64 {
+        pixels(mask)
+            .filter(|&pixel| self.counts.pixel(tile, pixel) < samples)
             .fold(0, |below, pixel| below | 1 << pixel)
     }
 
@@ -239,7 +270,7 @@ impl AdaptiveSampling {
         let counts = self.settings.pass_counts();
         match self.settings.policy {
             Policy::Quietus => counts.next(count),
-            _ => counts.grown(count, pass),
+            _ => counts.grown(count, self.first_pass + pass),
         }
     }
 }

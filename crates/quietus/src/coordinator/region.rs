@@ -34,29 +34,29 @@ pub(super) struct Progress {
     pub(super) active_pixels: AtomicU64,
 }
 
-impl Progress {
-    /// All pixels active.
-    pub(super) fn new(regions: &Regions, region: u32) -> Self {
-        Self { active_pixels: AtomicU64::new(regions.home_rect(region).area()) }
-    }
-}
-
 impl Region {
-    /// A region before its first update.
-    pub(super) fn new(regions: &Regions, region: u32, rule: Box<dyn StoppingRule>) -> Self {
+    /// A region before its first visit, whose rule has seen errors of an earlier sampling or none.
+    pub(super) fn new(regions: &Regions, region: u32, rule: Box<dyn StoppingRule>, is_updated: bool) -> Self {
         let home_tiles: Box<[u32]> = regions.home_tiles(region).collect();
         Self {
             masks: home_tiles.iter().map(|&tile| rule.active(tile)).collect(),
             rule,
             home_tiles,
             error_tiles: regions.error_tiles(region).collect(),
-            is_updated: false,
-            unchanged: 0,
+            is_updated,
+            // Every slot holds what there is.
+            unchanged: u64::MAX / 2,
             rebuilds: Vec::new(),
             lock_wait_nanoseconds: 0,
             reopened_pixels: 0,
             reopened_regions: 0,
         }
+    }
+
+    /// What may be seen of it now.
+    pub(super) fn progress(&self) -> Progress {
+        let active = self.masks.iter().map(|mask| u64::from(mask.count_ones())).sum();
+        Progress { active_pixels: AtomicU64::new(active) }
     }
 
     pub(super) fn tree(&self) -> Option<&RegionTree> {
@@ -158,8 +158,9 @@ impl AdaptiveSampling {
         }
     }
 
-    /// Whether a home tile has a pixel that is active and below the maximum of samples.
+    /// Whether a home tile has a pixel to draw.
     fn can_draw(&self, state: &Region) -> bool {
-        (state.home_tiles.iter().zip(&state.masks)).any(|(&tile, &mask)| self.below_maximum(tile, mask) != 0)
+        (state.home_tiles.iter().zip(&state.masks))
+            .any(|(&tile, &mask)| self.below_maximum(tile, mask | self.below_minimum(tile)) != 0)
     }
 }

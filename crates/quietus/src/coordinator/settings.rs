@@ -168,6 +168,15 @@ pub enum SettingsError {
     Lag(u32),
     /// A policy that must know how many samples each error is made of runs free.
     NoOrder(Policy),
+    /// A policy that decides but once was to go on from an earlier sampling.
+    NoStart(Policy),
+    /// A start is of another window.
+    StartSize {
+        /// Pixels of all tiles of the window.
+        expected: usize,
+        /// Numbers of samples, and errors, in the start.
+        found: [usize; 2],
+    },
 }
 
 impl fmt::Display for SettingsError {
@@ -197,6 +206,16 @@ impl fmt::Display for SettingsError {
                 f,
                 "the policy {policy:?} needs errors of known numbers of samples, which only the deterministic mode \
                  has"
+            ),
+            Self::NoStart(policy) => write!(
+                f,
+                "the policy {policy:?} decides but once how many samples a pixel gets, so it cannot go on from an \
+                 earlier sampling"
+            ),
+            Self::StartSize { expected, found: [samples, errors] } => write!(
+                f,
+                "a sampling of this window starts from {expected} numbers of samples and as many errors, not from \
+                 {samples} and {errors}"
             ),
             Self::Lag(n) => write!(f, "the lag is 1 or 2 passes, not {n}"),
         }

@@ -435,3 +435,85 @@ fn bad_settings_are_refused_with_a_reason() {
     assert!(refused(|s| s.stripes = 12).contains("power of two"));
     assert!(refused(|s| s.mode = Mode::Deterministic { lag: 3 }).contains("1 or 2 passes, not 3"));
 }
+
+/// The total of counts, and what is left when `sampling`, which has ended, goes on under `settings`.
+fn go_on(sampling: &AdaptiveSampling, settings: &Settings, threads: usize) -> (AdaptiveSampling, Remains) {
+    let resumed = AdaptiveSampling::resumed(settings.clone(), &Start::of(sampling)).unwrap();
+    assert_eq!(resumed.counts().total(), sampling.counts().total(), "nothing is lost");
+    let visits = draw(&resumed, threads, sleepy(2));
+    assert!(resumed.is_finished());
+    let remains = remains(&resumed, visits);
+    (resumed, remains)
+}
+
+#[test]
+fn a_finished_sampling_asked_for_the_same_draws_nothing() {
+    for (policy, checks) in [
+        (Policy::Quietus, Checks::Published),
+        (Policy::Quietus, Checks::StripedLocks),
+        (Policy::Talk, Checks::Published),
+        (Policy::Uniform, Checks::Published),
+    ] {
+        let settings = Settings { policy, checks, ..settings(60, 44) };
+        let (sampling, Remains { tiles, .. }) = run(&settings, 2, |_| ());
+        let (resumed, again) = go_on(&sampling, &settings, 2);
+        assert!(again == Remains { tiles, visits: Vec::new() }, "{policy:?}, {checks:?}");
+        assert_eq!(resumed.converged_fraction(), sampling.converged_fraction());
+    }
+}
+
+#[test]
+fn a_lower_target_goes_on_where_more_is_wanted_whatever_the_threads() {
+    for mode in [Mode::Deterministic { lag: 1 }, Mode::Deterministic { lag: 2 }, Mode::FreeRunning] {
+        let coarse = Settings { mode, target_error: 0.016, max_samples: 2000, ..settings(60, 44) };
+        let (sampling, before) = run(&coarse, 1, |_| ());
+        let fine = Settings { target_error: 0.008, ..coarse.clone() };
+        let (resumed, after) = go_on(&sampling, &fine, 1);
+        let counts = |r: &Remains| r.tiles.iter().flat_map(|t| t.0.clone()).collect::<Vec<_>>();
+        let pairs: Vec<_> = counts(&before).into_iter().zip(counts(&after)).collect();
+        assert!(pairs.iter().all(|(before, after)| before <= after));
+        assert!(resumed.counts().total() > sampling.counts().total());
+        if mode != Mode::FreeRunning {
+            assert!(go_on(&sampling, &fine, 4).1 == after, "{mode:?}");
+        }
+    }
+}
+
+#[test]
+fn a_sampling_stopped_at_any_moment_goes_on_to_its_limits() {
+    for mode in [Mode::default(), Mode::FreeRunning] {
+        let settings = Settings { mode, min_samples: 30, max_samples: 60, ..settings(60, 44) };
+        for visits in [0, 1, 7, 60, 200] {
+            let sampling = AdaptiveSampling::new(settings.clone()).unwrap();
+            let left = AtomicU32::new(visits);
+            draw(&sampling, 3, |_| {
+                if left.fetch_sub(1, SeqCst) <= 1 {
+                    sampling.stop();
+                }
+            });
+            let (_, Remains { tiles, .. }) = go_on(&sampling, &settings, 3);
+            let inside = |tile: usize| active_pixels(sampling.grid().full_mask(tile as u32));
+            let counts: Vec<u32> = (0..tiles.len())
+                .flat_map(|t| inside(t).map(move |p| (t, p)))
+                .map(|(t, p)| tiles[t].0[p])
+                .collect();
+            assert!(counts.iter().all(|count| (30..=60).contains(count)), "{mode:?}, {visits} visits");
+        }
+    }
+}
+
+fn active_pixels(mask: u64) -> impl Iterator<Item = usize> {
+    pixels(mask).map(usize::from)
+}
+
+#[test]
+fn a_start_that_does_not_fit_is_refused_with_a_reason() {
+    let start = Start::of(&AdaptiveSampling::new(settings(64, 48)).unwrap());
+    let refused = |settings| AdaptiveSampling::resumed(settings, &start).err().unwrap().to_string();
+    assert!(
+        refused(settings(64, 49))
+            .contains("3584 numbers of samples and as many errors, not from 3072 and 3072")
+    );
+    let unbiased = Settings { policy: Policy::Unbiased, ..settings(64, 48) };
+    assert!(refused(unbiased).contains("Unbiased decides but once"));
+}

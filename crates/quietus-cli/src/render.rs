@@ -125,7 +125,7 @@ fn draw(
     let settings = &ready.settings;
     let bar = Bar::new(measure(settings));
     let mut watch = |watched: &Watched<'_>| bar.update(&watched.progress);
-    let outcome = render(&tracer, settings, &mut Control { cancel, watch: &mut watch });
+    let outcome = render(&tracer, settings, &mut Control { cancel, watch: &mut watch, live: None });
     bar.clear();
     let mut rendered = outcome.map_err(|error| match error {
         RenderError::Panicked(fault) => {

@@ -91,7 +91,7 @@ fn render_live(
     let view = subject.view(look, bank.spec().seed.wrapping_add(run))?;
     let tracer = Rounding(PathTracer { scene: &subject.scene, view: &view });
     let asked = render_settings(method, settings);
-    let mut control = Control { cancel: &AtomicBool::new(false), watch: &mut |_| () };
+    let mut control = Control { cancel: &AtomicBool::new(false), watch: &mut |_| (), live: None };
     let rendered = render(&tracer, &asked, &mut control)
         .map_err(|e| EvalError::Request(format!("the live render of {} failed: {e}", method.name())))?;
     let picture = rendered.film.picture(shown_error);

@@ -5,6 +5,7 @@
 //! light.
 
 mod fault;
+mod live;
 pub mod noise;
 mod pixel_errors;
 mod process;
@@ -15,6 +16,7 @@ mod statistics;
 mod tracer;
 
 pub use fault::Fault;
+pub use live::Live;
 pub use pixel_errors::{pixel_error, shown_error};
 pub use process::available_memory;
 pub use progress::Progress;

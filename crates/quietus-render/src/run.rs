@@ -5,11 +5,12 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use quietus::AdaptiveSampling;
+use quietus::{AdaptiveSampling, Visit, Worker};
 use quietus_film::{Film, Layout, LayoutError, TILE_PIXELS, TileBuffer};
 use quietus_trace::tile::{PixelWork, TileCounts};
 
 use crate::fault::{Fault, locate};
+use crate::live::Live;
 use crate::pixel_errors::{REPLICATES, tile_errors};
 use crate::process;
 use crate::progress::{Estimator, Progress};
@@ -26,6 +27,8 @@ pub struct Control<'a> {
     pub cancel: &'a AtomicBool,
     /// Called about twenty times a second, from the thread that called [`render`].
     pub watch: &'a mut dyn FnMut(&Watched<'_>),
+    /// Made for the same frame and window, where somebody wants to see tiles change or to hold the threads.
+    pub live: Option<&'a Live>,
 }
 
 /// What a watcher sees of a running render. Film and sampling go on changing while it looks.
@@ -105,6 +108,7 @@ struct Shared<'a, T> {
     settings: &'a RenderSettings,
     film: Film,
     sampling: AdaptiveSampling,
+    live: Option<&'a Live>,
     counters: Vec<Counters>,
     fault: Mutex<Option<Fault>>,
     /// Threads still running, and the bell they ring when they end.
@@ -127,6 +131,7 @@ pub fn render<T: Tracer>(
         settings,
         film: Film::new(layout),
         sampling: AdaptiveSampling::new(settings.library(REPLICATES as u32))?,
+        live: control.live,
         counters: (0..settings.threads.get()).map(|_| Counters::default()).collect(),
         fault: Mutex::default(),
         running: Mutex::new(0),
@@ -168,7 +173,7 @@ impl<T: Tracer> Shared<'_, T> {
         let mut work = Vec::with_capacity(TILE_PIXELS * REPLICATES);
         let metric = self.sampling.settings().policy.metric();
         let mut worker = self.sampling.worker();
-        while let Some(visit) = worker.next_visit() {
+        while let Some(visit) = self.next_visit(&mut worker) {
             work.clear();
             work.extend(visit.pixels().map(|run| PixelWork {
                 x: run.x,
@@ -194,8 +199,19 @@ impl<T: Tracer> Shared<'_, T> {
                 .film
                 .commit(visit.tile() as usize, &mut buffer, |replicates| tile_errors(metric, replicates));
             counters.add(summary.drawn, counts);
+            if let Some(live) = self.live {
+                live.touch(visit.tile() as usize);
+            }
             visit.finish(&errors);
         }
+    }
+
+    /// The next visit, once nobody holds the threads any more.
+    fn next_visit<'w, 'a>(&self, worker: &'w mut Worker<'a>) -> Option<Visit<'w, 'a>> {
+        if let Some(live) = self.live {
+            live.pass_gate(|| self.sampling.outcome().is_some());
+        }
+        worker.next_visit()
     }
 
     /// Reports progress and stops the workers when the time is up or the caller says so.
@@ -206,7 +222,7 @@ impl<T: Tracer> Shared<'_, T> {
         let mut stopped_by = StoppedBy::Done;
         let mut running = lock(&self.running);
         while *running > 0 {
-            let left = self.settings.time_limit.map(|limit| limit.saturating_sub(start.elapsed()));
+            let left = self.settings.time_limit.map(|limit| limit.saturating_sub(self.elapsed(start)));
             let wait = left.filter(|left| !left.is_zero()).map_or(WATCH_INTERVAL, |l| l.min(WATCH_INTERVAL));
             running = match self.ended.wait_timeout(running, wait) {
                 Ok((guard, _)) => guard,
@@ -220,7 +236,7 @@ impl<T: Tracer> Shared<'_, T> {
                 stopped_by = self.stop_if_asked(start, control.cancel);
             }
             let converged = self.sampling.converged_fraction();
-            let progress = estimator.reading(start.elapsed(), self.samples(), self.rays(), converged);
+            let progress = estimator.reading(self.elapsed(start), self.samples(), self.rays(), converged);
             (control.watch)(&Watched { progress, film: &self.film, sampling: &self.sampling });
             running = lock(&self.running);
         }
@@ -228,7 +244,7 @@ impl<T: Tracer> Shared<'_, T> {
     }
 
     fn stop_if_asked(&self, start: Instant, cancel: &AtomicBool) -> StoppedBy {
-        let late = self.settings.time_limit.is_some_and(|limit| start.elapsed() >= limit);
+        let late = self.settings.time_limit.is_some_and(|limit| self.elapsed(start) >= limit);
         // Relaxed: the flag guards no data.
         let stopped_by = match (cancel.load(Ordering::Relaxed), late) {
             (true, _) => StoppedBy::Cancelled,
@@ -237,6 +253,11 @@ impl<T: Tracer> Shared<'_, T> {
         };
         self.sampling.stop();
         stopped_by
+    }
+
+    /// Time since the render began, without pauses.
+    fn elapsed(&self, start: Instant) -> Duration {
+        start.elapsed().saturating_sub(self.live.map_or(Duration::ZERO, Live::paused_for))
     }
 
     fn samples(&self) -> u64 {

@@ -63,7 +63,7 @@ fn settings(width: u32, height: u32, sampling: Sampling) -> RenderSettings {
 }
 
 fn draw(tracer: &impl Tracer, settings: &RenderSettings) -> Result<Rendered, RenderError> {
-    render(tracer, settings, &mut Control { cancel: &AtomicBool::new(false), watch: &mut |_| () })
+    render(tracer, settings, &mut Control { cancel: &AtomicBool::new(false), watch: &mut |_| (), live: None })
 }
 
 fn picture(settings: &RenderSettings) -> Picture {
@@ -223,7 +223,7 @@ fn time_limit_and_cancelling_end_an_endless_render() {
         assert!(progress.converged_fraction.is_finite() && progress.samples_per_second >= 0.0);
         cancel.store(looks >= 3, Ordering::Relaxed);
     };
-    let control = &mut Control { cancel: &cancel, watch: &mut watch };
+    let control = &mut Control { cancel: &cancel, watch: &mut watch, live: None };
     let rendered = render(&Func(noise), &endless(), control).unwrap();
     assert_eq!(rendered.stopped_by, StoppedBy::Cancelled);
 }

@@ -88,6 +88,7 @@ pub mod active_mask;
 mod coordinator;
 pub mod error_metric;
 mod error_plane;
+mod gate;
 pub mod inspect;
 pub mod morton;
 mod parking;
@@ -107,15 +108,15 @@ mod tile;
 pub mod visit_counter;
 
 pub use coordinator::{
-    AdaptiveSampling, Checks, MAX_FRAME_PIXELS, PixelWork, RebuildRecord, Settings, SettingsError, Start,
-    Statistics, Visit, Worker,
+    AdaptiveSampling, Checks, MAX_FRAME_PIXELS, Paused, PixelWork, RebuildRecord, RegionState, SamplingState,
+    Settings, SettingsError, Start, StateError, Statistics, Visit, Worker,
 };
 pub use error_metric::{DammertzMetric, ErrorMetric, PixelError, ReplicateMean, SampleNoise};
 pub use error_plane::ErrorPlane;
 pub use pass_schedule::{PassCounts, PassSchedule, replicate_share};
 pub use pixel_rect::{Area, Axis, PixelRect};
-pub use policy::{Policy, Rebuild};
-pub use protocol::{Mode, Outcome};
+pub use policy::{Policy, Rebuild, RuleMemory};
+pub use protocol::{Misfit, Mode, Outcome, Standing};
 pub use quadrants::Regions;
 pub use region_error::region_error;
 pub use region_tree::RegionTree;

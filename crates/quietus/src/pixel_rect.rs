@@ -4,6 +4,7 @@
 
 /// A half-open rectangle of whole pixels: `x0..x1` by `y0..y1`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PixelRect {
     /// Left edge, included.
     pub x0: u32,

@@ -3,7 +3,12 @@
 //! Knows neither errors nor masks nor policies: what an update does is the caller's. That makes it small enough
 //! to be model-checked as it is.
 
+mod standing;
+
+pub use standing::{Misfit, Standing};
+
 use crate::{
+    gate::Gate,
     parking::ParkingLot,
     published_masks::Generation,
     striped_locks::nanoseconds_since,
@@ -63,6 +68,8 @@ pub enum Fault {
     ForgetOwnVisit,
     /// Announces a tree before it is built.
     PublishEarly,
+    /// Does not stop at the gate that a pause has closed.
+    PassClosedGate,
 }
 
 /// A tile's place in the order: its visit in one pass, when its turn has come.
@@ -113,6 +120,10 @@ pub struct Protocol<R> {
     /// 0 while running, else an [`Outcome`].
     outcome: CacheLine<AtomicU32>,
     parked: ParkingLot,
+    /// Who has turns is inside.
+    gate: Gate,
+    /// Where to stop, if that was fixed beforehand.
+    cut: Option<Cut>,
     #[cfg(any(test, loom, shuttle))]
     fault: Option<Fault>,
 }
@@ -141,6 +152,14 @@ struct Updates<R> {
     /// Number of the next tree.
     next: u64,
     state: R,
+}
+
+/// How many visits of each tile are dealt.
+#[derive(Debug)]
+struct Cut {
+    visits: Box<[u64]>,
+    /// The most of them.
+    most: u64,
 }
 
 /// Spots to park at: a few times as many as threads that may wait at once.
@@ -185,6 +204,8 @@ impl<R> Protocol<R> {
             regions: states.into_iter().enumerate().map(region).collect(),
             outcome: CacheLine(AtomicU32::new(0)),
             parked: ParkingLot::new(PARKING_SPOTS),
+            gate: Gate::new(),
+            cut: None,
             #[cfg(any(test, loom, shuttle))]
             fault: None,
         }
@@ -212,13 +233,26 @@ impl<R> Protocol<R> {
     ///
     /// Who got them must [`finish_skips`](Self::finish_skips), or [`end`](Self::end) everything.
     pub fn next_skips(&self, draws_nothing: impl Fn(Turn) -> bool) -> Option<Skips<'_>> {
+        if !self.gate.try_enter() {
+            return None;
+        }
+        let skips = self.take_skips(draws_nothing);
+        if skips.is_none() {
+            self.gate.leave();
+        }
+        skips
+    }
+
+    fn take_skips(&self, draws_nothing: impl Fn(Turn) -> bool) -> Option<Skips<'_>> {
         let tiles = self.order.len() as u64;
         // Relaxed: see `next_turn`.
         let mut first = self.next_ticket.load(Ordering::Relaxed);
         loop {
             let (pass, place) = (first / tiles, (first % tiles) as usize);
             let end = (place + MAX_SKIPS as usize).min(self.order.len());
-            let is_skip = |&tile: &u32| self.is_due(tile, pass) && draws_nothing(Turn { tile, pass });
+            let is_skip = |&tile: &u32| {
+                self.is_due(tile, pass) && !self.is_past(tile, pass) && draws_nothing(Turn { tile, pass })
+            };
             let count = self.order[place..end].iter().take_while(|tile| is_skip(tile)).count();
             if count == 0 || self.outcome().is_some() {
                 return None;
@@ -238,15 +272,49 @@ impl<R> Protocol<R> {
     ///
     /// Who got a turn must [`finish`](Self::finish) it, or [`end`](Self::end) everything: others wait for it.
     pub fn next_turn(&self, idle_nanoseconds: &mut u64) -> Option<Turn> {
+        let Turn { tile, pass } = self.next_ticket()?;
+        *idle_nanoseconds += self.await_own_visit(tile, pass) + self.await_trees(tile, pass);
+        *idle_nanoseconds += self.enter();
         if self.outcome().is_some() {
+            self.gate.leave();
             return None;
         }
-        // Relaxed: a ticket carries nothing but its number. What its turn may read is ordered by the waits.
-        let ticket = self.next_ticket.fetch_add(1, Ordering::Relaxed);
+        Some(Turn { tile, pass })
+    }
+
+    fn enter(&self) -> u64 {
+        #[cfg(any(test, loom, shuttle))]
+        if self.suffers(Fault::PassClosedGate) {
+            self.gate.barge_in();
+            return 0;
+        }
+        self.gate.enter()
+    }
+
+    /// Takes the next ticket for a visit that is still to be made.
+    fn next_ticket(&self) -> Option<Turn> {
         let tiles = self.order.len() as u64;
-        let (pass, tile) = (ticket / tiles, self.order[(ticket % tiles) as usize]);
-        *idle_nanoseconds += self.await_own_visit(tile, pass) + self.await_trees(tile, pass);
-        self.outcome().is_none().then_some(Turn { tile, pass })
+        loop {
+            if self.outcome().is_some() {
+                return None;
+            }
+            // Relaxed: a ticket carries nothing but its number. What its turn may read is ordered by the waits.
+            let ticket = self.next_ticket.fetch_add(1, Ordering::Relaxed);
+            let (pass, tile) = (ticket / tiles, self.order[(ticket % tiles) as usize]);
+            if self.cut.as_ref().is_some_and(|cut| pass >= cut.most) {
+                return None;
+            }
+            if !self.is_past(tile, pass) {
+                return Some(Turn { tile, pass });
+            }
+        }
+    }
+
+    /// Whether the tile's visit in `pass` was made before a state was restored, or is not to be made.
+    fn is_past(&self, tile: u32, pass: u64) -> bool {
+        // Relaxed: only a restored state has visits before their tickets, and threads start after it was restored.
+        self.tiles[tile as usize].visits.load(Ordering::Relaxed) >> 1 > pass
+            || self.cut.as_ref().is_some_and(|cut| pass >= cut.visits[tile as usize])
     }
 
     /// Whether the tile's visit in `pass` may begin: conditions (a) and (b).
@@ -317,6 +385,7 @@ impl<R> Protocol<R> {
         for region in self.containing(tile) {
             self.count_out(region, slot, 1, &mut update);
         }
+        self.gate.leave();
     }
 
     /// Ends turns that drew nothing and whose errors are in place. As [`Self::finish`] for each of them, but one
@@ -334,6 +403,7 @@ impl<R> Protocol<R> {
                 self.count_out(region, slot, 1, &mut update);
             }
         }
+        self.gate.leave();
     }
 
     /// One more visit of the tile is finished: who waits for it may have the tile.
@@ -409,6 +479,21 @@ impl<R> Protocol<R> {
         // Release and acquire: who learns of the end sees what led to it.
         let _ = self.outcome.compare_exchange(0, outcome as u32, Ordering::AcqRel, Ordering::Acquire);
         self.parked.unpark_all();
+        self.gate.wake_closers();
+    }
+
+    /// Waits until nobody has a turn, and lets nobody have one until [`Self::go_on`]. Turns that have begun are
+    /// finished first, also after an [`Outcome::Stopped`]. False where one was abandoned, and what it left behind
+    /// is not whole; also then others wait for `go_on`.
+    pub fn pause(&self) -> bool {
+        let is_abandoned = || self.outcome() == Some(Outcome::Abandoned);
+        self.gate.close(is_abandoned);
+        !is_abandoned()
+    }
+
+    /// Ends a pause.
+    pub fn go_on(&self) {
+        self.gate.open();
     }
 
     /// Why no more visits are dealt; `None` while they are.
@@ -452,6 +537,12 @@ impl<R> Protocol<R> {
     pub fn with_state<T>(&self, region: u32, look: impl FnOnce(&R) -> T) -> T {
         let updates: MutexGuard<'_, Updates<R>> = lock(&self.regions[region as usize].updates);
         look(&updates.state)
+    }
+
+    /// What a region's lock guards, before threads share it.
+    pub fn state_mut(&mut self, region: u32) -> &mut R {
+        let updates = self.regions[region as usize].updates.0.get_mut();
+        &mut updates.unwrap_or_else(std::sync::PoisonError::into_inner).state
     }
 
     fn slot(&self, number: u64) -> usize {

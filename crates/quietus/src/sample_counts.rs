@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use crate::{
     pass_schedule::replicate_share,
+    protocol::Misfit,
     sync::{AtomicU32, Ordering},
     tile::TILE_PIXELS,
 };
@@ -46,6 +47,23 @@ impl SampleCounts {
     /// Samples of all pixels.
     pub fn total(&self) -> u64 {
         self.next.iter().map(|n| u64::from(n.load(Ordering::Relaxed))).sum()
+    }
+
+    /// All numbers: tile by tile, replicate by replicate, pixel by pixel.
+    pub(crate) fn to_vec(&self) -> Vec<u32> {
+        self.next.iter().map(|next| next.load(Ordering::Relaxed)).collect()
+    }
+
+    /// Sets all numbers, as [`Self::to_vec`] gave them.
+    pub(crate) fn restore(&self, counts: &[u32]) -> Result<(), Misfit> {
+        Misfit::unless(counts.len() == self.next.len(), "it has another number of sample counts")?;
+        for tile in counts.chunks_exact(self.replicates as usize * TILE_PIXELS) {
+            let total = |pixel| tile[pixel..].iter().step_by(TILE_PIXELS).map(|&n| u64::from(n)).sum::<u64>();
+            let possible = (0..TILE_PIXELS).all(|pixel| total(pixel) <= u64::from(u32::MAX));
+            Misfit::unless(possible, "a pixel has too many samples")?;
+        }
+        self.next.iter().zip(counts).for_each(|(next, &count)| next.store(count, Ordering::Relaxed));
+        Ok(())
     }
 
     /// Sample indices of one replicate when the pixel goes on until all its replicates together hold `total`.

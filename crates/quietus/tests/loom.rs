@@ -286,6 +286,43 @@ fn announcing_a_tree_before_it_is_made_is_caught() {
     });
 }
 
+/// A pause beside a thread that draws: what it finds belongs together, and all that was drawn before is there.
+fn pause_model(fault: Option<Fault>) {
+    let world = Arc::new((
+        Protocol::new(Mode::FreeRunning, vec![0], &[0], &[vec![0]], vec![()]).with_fault(fault),
+        [AtomicU32::new(0), AtomicU32::new(0)],
+    ));
+    let renderer = thread::spawn({
+        let world = Arc::clone(&world);
+        move || {
+            let (protocol, [film, errors]) = &*world;
+            for visit in 1..=2 {
+                let Some(turn) = protocol.next_turn(&mut 0) else { return };
+                film.store(visit, Relaxed);
+                errors.store(visit, Relaxed);
+                protocol.finish(turn, true, |_| ());
+            }
+        }
+    });
+    let (protocol, [film, errors]) = &*world;
+    assert!(protocol.pause());
+    let found = [film.load(Relaxed), errors.load(Relaxed)].map(u64::from);
+    assert_eq!(found, [protocol.finished_visits(0); 2], "a pause found half a visit");
+    protocol.go_on();
+    renderer.join().unwrap();
+    assert_eq!(protocol.finished_visits(0), 2, "the renderer went on");
+}
+
+#[test]
+fn a_pause_finds_whole_visits() {
+    check(3, || pause_model(None));
+}
+
+#[test]
+fn passing_the_closed_gate_is_caught() {
+    must_fail(3, "a pause found half a visit", || pause_model(Some(Fault::PassClosedGate)));
+}
+
 /// One region of two tiles, free-running: every visit is counted, also those that come while the tree is made.
 fn free_running_model(fault: Option<Fault>) {
     let seen = Arc::new(AtomicU64::new(0));

@@ -82,6 +82,43 @@ impl TreeChecks {
         }
     }
 
+    /// Makes tree `k` of the region the same as the one before. Returns the time that locks were waited for.
+    pub(super) fn repeat(&self, region: u32, k: u64, home_tiles: &[u32]) -> u64 {
+        match self {
+            Self::Striped { locks, slots, .. } => {
+                let (mut guards, waited) = locks[region as usize].write_all();
+                for trees in &mut guards {
+                    trees[(k % slots) as usize] = Arc::clone(&trees[((k - 1) % slots) as usize]);
+                }
+                waited
+            }
+            Self::Published(masks) => {
+                home_tiles.iter().for_each(|&tile| masks.store(tile, k, masks.load(tile, k - 1)));
+                0
+            }
+        }
+    }
+
+    /// Makes `active` the tree of the region in a slot, before any thread reads it.
+    pub(super) fn restore(
+        &self,
+        region: u32,
+        slot: u64,
+        home_tiles: impl Iterator<Item = u32>,
+        active: &Arc<dyn ActivePixels>,
+    ) {
+        match self {
+            Self::Striped { locks, .. } => {
+                for trees in &mut locks[region as usize].write_all().0 {
+                    trees[slot as usize] = Arc::clone(active);
+                }
+            }
+            Self::Published(masks) => {
+                home_tiles.for_each(|tile| masks.store(tile, slot, active.active(tile)));
+            }
+        }
+    }
+
     /// Time that readers have waited for locks.
     pub(super) fn read_wait_nanoseconds(&self) -> u64 {
         match self {

@@ -2,7 +2,10 @@
 
 use std::collections::VecDeque;
 
-use crate::sync::{AtomicU64, CacheLine, Mutex, Ordering, fence, lock};
+use crate::{
+    protocol::Misfit,
+    sync::{AtomicU64, CacheLine, Mutex, Ordering, fence, lock},
+};
 
 /// Deterministic mode: finished when as many consecutive passes as the lag drew nothing.
 ///
@@ -48,6 +51,24 @@ impl PassLedger {
             passes.quiet = if drew { 0 } else { passes.quiet + 1 };
         }
         passes.quiet >= self.lag
+    }
+
+    /// How many of the last complete passes drew nothing, and of each open pass whether it has drawn so far.
+    pub(super) fn state(&self) -> (u32, Vec<bool>) {
+        let passes = lock(&self.passes);
+        (passes.quiet, passes.open.iter().map(|&(_, drew)| drew).collect())
+    }
+
+    /// Goes on from [`Self::state`] where region r has finished `finished[r]` passes. True where that was the end.
+    pub(super) fn restore(&mut self, finished: &[u64], quiet: u32, drew: &[bool]) -> Result<bool, Misfit> {
+        let complete = finished.iter().copied().min().unwrap_or(0);
+        let open = finished.iter().copied().max().unwrap_or(0) - complete;
+        let fits = drew.len() as u64 == open && u64::from(quiet) <= complete;
+        Misfit::unless(fits, "its passes do not agree with its trees")?;
+        let regions = |pass| finished.iter().filter(|&&finished| finished > pass).count() as u32;
+        let open = (complete..).zip(drew).map(|(pass, &drew)| (regions(pass), drew)).collect();
+        *lock(&self.passes) = Passes { complete, open, quiet };
+        Ok(quiet >= self.lag)
     }
 
     /// Passes that every region has finished.

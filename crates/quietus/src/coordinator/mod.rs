@@ -8,6 +8,7 @@ mod end;
 mod region;
 mod settings;
 mod start;
+mod state;
 mod statistics;
 #[cfg(all(test, not(any(loom, shuttle))))]
 mod tests;
@@ -16,6 +17,7 @@ mod worker;
 
 pub use settings::{Checks, MAX_FRAME_PIXELS, Settings, SettingsError};
 pub use start::Start;
+pub use state::{Paused, RegionState, SamplingState, StateError};
 pub use statistics::{RebuildRecord, Statistics};
 pub use visit::{PixelWork, Visit};
 pub use worker::Worker;

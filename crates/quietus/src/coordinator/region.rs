@@ -2,11 +2,11 @@
 
 use std::time::Instant;
 
-use super::{AdaptiveSampling, FinishRule, RebuildRecord, Statistics};
+use super::{AdaptiveSampling, FinishRule, RebuildRecord, RegionState, Statistics};
 use crate::{
-    RegionTree, Regions,
+    ErrorPlane, RegionTree, Regions,
     policy::StoppingRule,
-    protocol::{Outcome, Update},
+    protocol::{Misfit, Outcome, Update},
     striped_locks::nanoseconds_since,
     sync::{AtomicU64, Ordering},
 };
@@ -57,6 +57,36 @@ impl Region {
     pub(super) fn progress(&self) -> Progress {
         let active = self.masks.iter().map(|mask| u64::from(mask.count_ones())).sum();
         Progress { active_pixels: AtomicU64::new(active) }
+    }
+
+    pub(super) fn state(&self) -> RegionState {
+        RegionState {
+            is_updated: self.is_updated,
+            unchanged: self.unchanged,
+            memory: self.rule.memory(),
+            rebuilds: self.rebuilds.clone(),
+            reopened_pixels: self.reopened_pixels,
+            reopened_regions: self.reopened_regions,
+        }
+    }
+
+    /// Goes on from `state`, whose latest tree has these masks and was made of these errors or newer ones.
+    pub(super) fn restore(
+        &mut self,
+        state: &RegionState,
+        masks: Box<[u64]>,
+        errors: &ErrorPlane,
+    ) -> Result<(), Misfit> {
+        if state.is_updated {
+            self.rule.restore(&masks, &state.memory, errors)?;
+        }
+        self.masks = masks;
+        self.is_updated = state.is_updated;
+        self.unchanged = state.unchanged.min(u64::MAX / 2);
+        self.rebuilds.clone_from(&state.rebuilds);
+        self.reopened_pixels = state.reopened_pixels;
+        self.reopened_regions = state.reopened_regions;
+        Ok(())
     }
 
     pub(super) fn tree(&self) -> Option<&RegionTree> {
@@ -152,9 +182,7 @@ impl AdaptiveSampling {
         state.unchanged += 1;
         // After as many repeats as there are slots, every slot holds this tree.
         if state.unchanged < u64::from(self.settings.mode.slots()) {
-            let rule = &mut *state.rule;
-            let waited = self.checks.replace(index, generation, &state.home_tiles, rule, |_| ());
-            state.lock_wait_nanoseconds += waited;
+            state.lock_wait_nanoseconds += self.checks.repeat(index, generation, &state.home_tiles);
         }
     }
 

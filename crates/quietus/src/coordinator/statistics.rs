@@ -4,6 +4,7 @@ use crate::sync::{AtomicU64, CacheLine, Ordering};
 
 /// One rebuild of one region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RebuildRecord {
     /// The region.
     pub region: u32,
@@ -72,6 +73,11 @@ impl Counters {
             // Relaxed: statistics.
             counter.fetch_add(value, Ordering::Relaxed);
         }
+    }
+
+    /// Goes on from these visits and skips.
+    pub(super) fn set(&self, visits: [u64; 2]) {
+        self.0.iter().zip(visits).for_each(|(counter, value)| counter.store(value, Ordering::Relaxed));
     }
 
     /// Visits, skips and idle nanoseconds so far.

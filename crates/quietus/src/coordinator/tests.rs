@@ -11,6 +11,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+mod state;
+
 use super::*;
 use crate::{PassSchedule, PixelRect, Policy, Rebuild, protocol::Fault};
 

@@ -3,10 +3,11 @@
 
 use std::sync::Arc;
 
-use super::{ActivePixels, HomeMasks, RuleSettings, StoppingRule};
+use super::{ActivePixels, HomeMasks, RuleMemory, RuleSettings, StoppingRule};
 use crate::{
     ErrorPlane, PixelRect,
     pixel_rect::{Area, Axis},
+    protocol::Misfit,
     region_error::region_error,
     region_tree::SPLIT_FACTOR,
     summed_area::{ErrorSums, SummedArea},
@@ -63,6 +64,19 @@ impl StoppingRule for DammertzRule {
         self.blocks = kept;
         self.masks.clear();
         self.blocks.iter().for_each(|block| self.masks.add(block));
+    }
+
+    fn memory(&self) -> RuleMemory {
+        RuleMemory::Blocks(self.blocks.clone())
+    }
+
+    fn restore(&mut self, masks: &[u64], memory: &RuleMemory, _: &ErrorPlane) -> Result<(), Misfit> {
+        let RuleMemory::Blocks(blocks) = memory else { return Err(Misfit("it is of another policy")) };
+        let inside = |block: &PixelRect| !block.is_empty() && self.error_rect.contains_rect(block);
+        Misfit::unless(blocks.iter().all(inside), "a block leaves its region")?;
+        self.blocks.clone_from(blocks);
+        self.masks.masks = masks.to_vec();
+        Ok(())
     }
 
     fn check(&self) -> Arc<dyn ActivePixels> {

@@ -19,7 +19,10 @@ pub use unbiased::UnbiasedRule;
 
 use std::sync::Arc;
 
-use crate::{DammertzMetric, ErrorMetric, ErrorPlane, PassCounts, RegionTree, Regions, SampleNoise};
+use crate::{
+    DammertzMetric, ErrorMetric, ErrorPlane, PassCounts, PixelRect, RegionTree, Regions, SampleNoise,
+    protocol::Misfit,
+};
 
 /// How sampling is steered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -82,10 +85,45 @@ pub trait StoppingRule: ActivePixels {
     /// Whether no pixel of the region is active any more.
     fn is_complete(&self) -> bool;
 
+    /// What it remembers beyond the masks of its latest update.
+    fn memory(&self) -> RuleMemory {
+        RuleMemory::Nothing
+    }
+
+    /// Goes on from the `masks` of the home tiles and the `memory` that another rule of the region had after its latest
+    /// update. `errors` are those of that update, or newer ones where another update is to come: a rule that looks at
+    /// nothing but errors takes them in.
+    fn restore(&mut self, masks: &[u64], memory: &RuleMemory, errors: &ErrorPlane) -> Result<(), Misfit> {
+        let _ = masks;
+        Misfit::unless(*memory == RuleMemory::Nothing, "it is of another policy")?;
+        self.update(errors);
+        Ok(())
+    }
+
     /// The tree, where the policy has one.
     fn tree(&self) -> Option<&RegionTree> {
         None
     }
+}
+
+/// What a policy remembers of a region from update to update, beyond its masks.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum RuleMemory {
+    /// All it needs is in the errors or in the masks.
+    #[default]
+    Nothing,
+    /// The blocks that are still sampled ([`DammertzRule`]).
+    Blocks(Vec<PixelRect>),
+    /// What was decided when the pilot was over ([`UnbiasedRule`]).
+    Decided {
+        /// Samples that each pixel of the home tiles should have, row by row.
+        wanted: Vec<f64>,
+        /// The pass that will consult the next tree.
+        pass: u64,
+        /// Samples of a pixel that all passes before it draw.
+        count: u32,
+    },
 }
 
 impl Policy {
@@ -133,6 +171,11 @@ impl StoppingRule for UniformRule {
     fn is_complete(&self) -> bool {
         false
     }
+}
+
+/// What has these masks in the home tiles of a region.
+pub(crate) fn home_masks(regions: &Regions, region: u32, masks: Vec<u64>) -> Arc<dyn ActivePixels> {
+    Arc::new(HomeMasks { masks, ..HomeMasks::full(regions, region) })
 }
 
 /// Masks of the home tiles of a region.

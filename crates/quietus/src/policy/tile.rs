@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::{ActivePixels, HomeMasks, RuleSettings, StoppingRule};
-use crate::{ErrorPlane, region_error::region_error};
+use super::{ActivePixels, HomeMasks, RuleMemory, RuleSettings, StoppingRule};
+use crate::{ErrorPlane, protocol::Misfit, region_error::region_error};
 
 /// Tiles that stop on their own.
 pub struct TileRule {
@@ -40,6 +40,13 @@ impl StoppingRule for TileRule {
                 *mask = 0;
             }
         }
+    }
+
+    /// Tiles that stopped once stay so, whatever their errors are now.
+    fn restore(&mut self, masks: &[u64], memory: &RuleMemory, _: &ErrorPlane) -> Result<(), Misfit> {
+        Misfit::unless(*memory == RuleMemory::Nothing, "it is of another policy")?;
+        self.masks.masks = masks.to_vec();
+        Ok(())
     }
 
     fn check(&self) -> Arc<dyn ActivePixels> {

@@ -12,10 +12,10 @@
 
 use std::sync::Arc;
 
-use super::{ActivePixels, HomeMasks, RuleSettings, StoppingRule};
+use super::{ActivePixels, HomeMasks, RuleMemory, RuleSettings, StoppingRule};
 use crate::{
     ErrorPlane, PassCounts, PixelError, PixelRect, Regions, TILE_PIXELS, TILE_SIZE,
-    error_metric::NOMINAL_SAMPLES,
+    error_metric::NOMINAL_SAMPLES, protocol::Misfit,
 };
 
 /// Radii of the windows to choose from, in pixels: from the nearest neighbours to more than three tiles.
@@ -109,6 +109,22 @@ impl StoppingRule for UnbiasedRule {
             }
         }
         self.next = (pass + 1, grown);
+    }
+
+    fn memory(&self) -> RuleMemory {
+        RuleMemory::Decided { wanted: self.wanted.clone(), pass: self.next.0, count: self.next.1 }
+    }
+
+    fn restore(&mut self, masks: &[u64], memory: &RuleMemory, _: &ErrorPlane) -> Result<(), Misfit> {
+        let RuleMemory::Decided { wanted, pass, count } = memory else {
+            return Err(Misfit("it is of another policy"));
+        };
+        let fits = wanted.len() as u64 == self.masks.home.area() && *pass < u64::from(u32::MAX);
+        Misfit::unless(fits, "what was decided for its pixels is of another picture")?;
+        self.wanted.clone_from(wanted);
+        self.next = (*pass, *count);
+        self.masks.masks = masks.to_vec();
+        Ok(())
     }
 
     fn check(&self) -> Arc<dyn ActivePixels> {

@@ -10,6 +10,7 @@ use quietus_film::Window;
 use crate::compare::CompareArgs;
 use crate::error::EXIT_CODES;
 use crate::eval::EvalArgs;
+use crate::watching::WatchingArgs;
 
 /// What to try first.
 const EXAMPLES: &str = "\
@@ -30,6 +31,14 @@ pub(crate) struct Cli {
     /// What to do.
     #[command(subcommand)]
     pub command: Option<Command>,
+
+    /// Say what is being done (-v), and more of it (-vv).
+    #[arg(short, long, global = true, action = clap::ArgAction::Count, help_heading = "Messages")]
+    pub verbose: u8,
+
+    /// Say nothing but warnings, errors and what was asked for.
+    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Messages")]
+    pub quiet: bool,
 }
 
 /// What to do.
@@ -173,6 +182,10 @@ pub(crate) struct RenderArgs {
     /// Draw the final tree here, as SVG. Needs --sampling quietus, talk or free-running.
     #[arg(long, value_name = "FILE.svg")]
     pub tree: Option<PathBuf>,
+
+    /// How it is watched.
+    #[command(flatten)]
+    pub watching: WatchingArgs,
 
     /// Passes that the tree in use lags behind: 1 saves samples, 2 keeps threads busy at the end.
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=2))]

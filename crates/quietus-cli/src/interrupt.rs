@@ -19,7 +19,7 @@ pub(crate) fn watch() -> Result<Arc<AtomicBool>, Failure> {
             quietus_film::remove_unfinished();
             std::process::exit(Ending::Interrupted.code().into());
         }
-        say::aside("\nstopping; the picture so far will be written (Ctrl-C again quits at once)");
+        say::aside("stopping; the picture so far will be written (Ctrl-C again quits at once)");
     };
     ctrlc::set_handler(handler)
         .map_err(|error| Failure::internal(format!("cannot watch for Ctrl-C: {error}")))?;

@@ -6,13 +6,15 @@ mod error;
 mod eval;
 mod info;
 mod interrupt;
+mod logging;
 mod plan;
-mod progress_bar;
+mod progress;
 mod render;
 mod report;
 mod say;
 mod source;
 mod timeline;
+mod watching;
 mod wishes;
 
 use std::process::ExitCode;
@@ -24,6 +26,10 @@ use crate::error::{Ending, Failure};
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
+    logging::start(cli.verbose);
+    if cli.quiet {
+        say::be_quiet();
+    }
     // The hook has told what and where; what is left is the exit code.
     let outcome = std::panic::catch_unwind(|| run(cli));
     let outcome =
@@ -31,7 +37,7 @@ fn main() -> ExitCode {
     match outcome {
         Ok(ending) => ending.into(),
         Err(failure) => {
-            say::aside(format_args!("error: {failure}"));
+            say::error(&failure, failure.ending.code());
             failure.ending.into()
         }
     }

@@ -1,6 +1,7 @@
 //! `quietus render`: from the scene to the pictures.
 
 use std::io::Write;
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
@@ -12,13 +13,14 @@ use quietus_render::{
 use quietus_trace::desc::{Camera, SceneDesc};
 use quietus_trace::scene::Scene;
 use quietus_trace::view::View;
+use serde::Serialize;
 
 use crate::args::RenderArgs;
 use crate::error::{Ending, Failure};
 use crate::interrupt;
 use crate::plan::{Decided, Look, Plan};
-use crate::progress_bar::{Bar, Measure};
-use crate::report::{Settings, name, write_stats};
+use crate::progress::{Measure, ProgressArg, Reporter};
+use crate::report::{Settings, name, stopped_by, write_stats};
 use crate::say;
 use crate::source::{Source, scene_name};
 
@@ -37,6 +39,9 @@ struct Ready {
 /// # Errors
 /// Anything that keeps a picture from being drawn and written.
 pub(crate) fn run(args: &RenderArgs) -> Result<Ending, Failure> {
+    if args.watching.progress == ProgressArg::Json {
+        say::speak_json();
+    }
     let plan = Plan::new(args)?;
     let start = Instant::now();
     let mut source = Source::open(args, plan.timeline.as_ref())?;
@@ -67,7 +72,8 @@ fn picture(
     let rendered = draw(args, ready, frame, cancel)?;
     warn_of_rejected(&rendered.film.rejected(), args.seed);
     write(args, plan, ready, frame, &rendered)?;
-    say::result(summary(plan, frame, &rendered));
+    say::outcome(summary(plan, frame, &rendered));
+    say::event("end", &ending(plan, frame, &rendered));
     Ok(match rendered.stopped_by {
         StoppedBy::Cancelled => Ending::Interrupted,
         StoppedBy::Done | StoppedBy::TimeLimit => Ending::Success,
@@ -123,10 +129,10 @@ fn draw(
 ) -> Result<Rendered, Failure> {
     let tracer = PathTracer { scene: &ready.scene, view: &ready.view };
     let settings = &ready.settings;
-    let bar = Bar::new(measure(settings));
-    let mut watch = |watched: &Watched<'_>| bar.update(&watched.progress);
+    let mut reporter = Reporter::new(args.watching.progress, measure(settings));
+    let mut watch = |watched: &Watched<'_>| reporter.update(watched);
     let outcome = render(&tracer, settings, &mut Control { cancel, watch: &mut watch, live: None });
-    bar.clear();
+    drop(reporter);
     let mut rendered = outcome.map_err(|error| match error {
         RenderError::Panicked(fault) => {
             Failure::internal(fault_message(args, settings, ready.look.max_depth, frame, &fault))
@@ -220,14 +226,12 @@ fn warn_of_rejected(rejected: &RejectedSamples, seed: u64) {
     if rejected.count() == 0 {
         return;
     }
-    say::aside(format_args!(
-        "warning: {} samples were not finite and left out; the first ones:",
-        rejected.count()
-    ));
+    let mut text = format!("{} samples were not finite and left out; the first ones:", rejected.count());
     for sample in rejected.first() {
         let (x, y, replicate, index) = (sample.x, sample.y, sample.replicate, sample.index);
-        say::aside(format_args!("  pixel ({x}, {y}), replicate {replicate}, sample {index}, seed {seed}"));
+        text.push_str(&format!("\n  pixel ({x}, {y}), replicate {replicate}, sample {index}, seed {seed}"));
     }
+    say::warning(text);
 }
 
 fn write(
@@ -257,6 +261,41 @@ fn write(
         write_stats(&path, &ready.report, ready.load_seconds, rendered)?;
     }
     Ok(())
+}
+
+/// What the `end` event says; `docs/terminal.md` explains the keys.
+fn ending(plan: &Plan, frame: Option<u32>, rendered: &Rendered) -> End {
+    let statistics = &rendered.statistics;
+    End {
+        stopped_by: stopped_by(rendered.stopped_by),
+        frame,
+        wrote: plan.outputs.iter().map(|(path, _)| plan.name(path, frame)).collect(),
+        wall_seconds: statistics.wall_seconds,
+        samples: statistics.samples,
+        rays: statistics.rays,
+        spp_mean: statistics.per_pixel.spp_mean,
+        spp_max: statistics.per_pixel.spp_max,
+        converged_fraction: statistics.converged_fraction,
+        noise_reached: statistics.noise_reached,
+        noise_low: statistics.noise_low,
+        noise_high: statistics.noise_high,
+    }
+}
+
+#[derive(Serialize)]
+struct End {
+    stopped_by: &'static str,
+    frame: Option<u32>,
+    wrote: Vec<PathBuf>,
+    wall_seconds: f64,
+    samples: u64,
+    rays: u64,
+    spp_mean: f64,
+    spp_max: u32,
+    converged_fraction: f64,
+    noise_reached: Option<f64>,
+    noise_low: Option<f64>,
+    noise_high: Option<f64>,
 }
 
 /// The last words: how far it came, and where the pictures are.

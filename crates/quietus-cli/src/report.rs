@@ -137,6 +137,15 @@ pub(crate) fn name(value: impl ValueEnum) -> String {
     value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
+/// What files call the end of a render.
+pub(crate) fn stopped_by(ending: StoppedBy) -> &'static str {
+    match ending {
+        StoppedBy::Done => "done",
+        StoppedBy::TimeLimit => "time",
+        StoppedBy::Cancelled => "interrupt",
+    }
+}
+
 /// The object in a `--stats` file; `docs/stats.md` explains every key.
 #[derive(Serialize)]
 struct StatsFile<'a> {
@@ -159,11 +168,7 @@ pub(crate) fn write_stats(
     load_seconds: f64,
     rendered: &Rendered,
 ) -> Result<(), OutputError> {
-    let stopped_by = match rendered.stopped_by {
-        StoppedBy::Done => "done",
-        StoppedBy::TimeLimit => "time",
-        StoppedBy::Cancelled => "interrupt",
-    };
+    let stopped_by = stopped_by(rendered.stopped_by);
     let statistics = &rendered.statistics;
     let seed = settings.seed;
     let stats = StatsFile { version: VERSION, seed, stopped_by, load_seconds, statistics, settings };

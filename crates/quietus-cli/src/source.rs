@@ -83,7 +83,7 @@ impl Source {
         }
         for warning in &loaded.warnings {
             if self.said.insert(warning.to_string()) {
-                say::aside(format_args!("warning: {}: {warning}", self.name));
+                say::warning(format_args!("{}: {warning}", self.name));
             }
         }
         Ok(loaded.scene)

@@ -322,7 +322,7 @@ fn parse_limit(text: &str) -> Result<f32, String> {
     }
 }
 
-fn parse_time(text: &str) -> Result<Duration, String> {
+pub(crate) fn parse_time(text: &str) -> Result<Duration, String> {
     let seconds = text.parse::<f64>().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
     match seconds.or_else(|| humantime::parse_duration(text).ok()) {
         Some(time) if !time.is_zero() => Ok(time),

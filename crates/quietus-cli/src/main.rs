@@ -7,6 +7,7 @@ mod eval;
 mod info;
 mod interrupt;
 mod logging;
+mod outputs;
 mod plan;
 mod progress;
 mod render;

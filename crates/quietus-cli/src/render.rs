@@ -1,14 +1,13 @@
 //! `quietus render`: from the scene to the pictures.
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use quietus_film::{OutputError, OutputFormat, RejectedSamples, write_atomically, write_exr, write_png};
+use quietus_film::RejectedSamples;
 use quietus_render::{
     Control, Fault, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, Watched,
-    noise::measure_noise, render, shown_error,
+    noise::measure_noise, render,
 };
 use quietus_trace::desc::{Camera, SceneDesc};
 use quietus_trace::scene::Scene;
@@ -18,11 +17,13 @@ use serde::Serialize;
 use crate::args::RenderArgs;
 use crate::error::{Ending, Failure};
 use crate::interrupt;
+use crate::outputs::Outputs;
 use crate::plan::{Decided, Look, Plan};
-use crate::progress::{Measure, ProgressArg, Reporter};
-use crate::report::{Settings, name, stopped_by, write_stats};
+use crate::progress::{Measure, ProgressArg};
+use crate::report::{Settings, name, stopped_by};
 use crate::say;
 use crate::source::{Source, scene_name};
+use crate::watching::{Onlookers, Subject};
 
 /// Everything a picture needs, loaded and checked.
 struct Ready {
@@ -69,11 +70,12 @@ fn picture(
     frame: Option<u32>,
     cancel: &AtomicBool,
 ) -> Result<Ending, Failure> {
-    let rendered = draw(args, ready, frame, cancel)?;
+    let rendered = draw(args, plan, ready, frame, cancel)?;
     warn_of_rejected(&rendered.film.rejected(), args.seed);
-    write(args, plan, ready, frame, &rendered)?;
-    say::outcome(summary(plan, frame, &rendered));
-    say::event("end", &ending(plan, frame, &rendered));
+    let written = outputs(args, plan, ready, frame).write(&rendered);
+    say::outcome(summary(plan, frame, &rendered, &written.pictures));
+    say::event("end", &ending(frame, &rendered, &written.pictures));
+    written.check()?;
     Ok(match rendered.stopped_by {
         StoppedBy::Cancelled => Ending::Interrupted,
         StoppedBy::Done | StoppedBy::TimeLimit => Ending::Success,
@@ -101,12 +103,16 @@ fn prepare(
         say::aside(format_args!("{} asks for: {}", scene_name(args), texts.join("; ")));
     }
     let unusable = |error: String| Failure::input(format!("{}: {error}", scene_name(args)));
+    let seconds = start.elapsed().as_secs_f64();
+    tracing::info!("read {} in {seconds:.2} s", scene_name(args));
     let view = View::new(camera, settings.frame, look.filter, look.max_depth, args.seed)
         .and_then(|view| view.with_exposure(look.exposure, look.max_component))
         .and_then(|view| view.with_indirect_limit(args.clamp_indirect.unwrap_or(f32::INFINITY)))
         .map_err(|error| unusable(error.to_string()))?;
     let scene = Scene::build(&desc).map_err(|error| unusable(error.to_string()))?;
-    Ok(Ready { scene, view, settings, look, report, load_seconds: start.elapsed().as_secs_f64() })
+    let load_seconds = start.elapsed().as_secs_f64();
+    tracing::info!("built it in {:.2} s", load_seconds - seconds);
+    Ok(Ready { scene, view, settings, look, report, load_seconds })
 }
 
 fn pick_camera<'a>(scene: &'a SceneDesc, name: Option<&str>) -> Result<&'a Camera, Failure> {
@@ -123,16 +129,23 @@ fn pick_camera<'a>(scene: &'a SceneDesc, name: Option<&str>) -> Result<&'a Camer
 
 fn draw(
     args: &RenderArgs,
+    plan: &Plan,
     ready: &Ready,
     frame: Option<u32>,
     cancel: &AtomicBool,
 ) -> Result<Rendered, Failure> {
     let tracer = PathTracer { scene: &ready.scene, view: &ready.view };
     let settings = &ready.settings;
-    let mut reporter = Reporter::new(args.watching.progress, measure(settings));
-    let mut watch = |watched: &Watched<'_>| reporter.update(watched);
+    let subject = Subject {
+        name: format!("{}{}", scene_name(args), frame.map_or_else(String::new, |f| format!(", frame {f}"))),
+        measure: measure(settings),
+        outputs: outputs(args, plan, ready, frame).pictures,
+        metadata: ready.report.metadata(),
+    };
+    let mut onlookers = Onlookers::new(&args.watching, subject);
+    let mut watch = |watched: &Watched<'_>| onlookers.look(watched);
     let outcome = render(&tracer, settings, &mut Control { cancel, watch: &mut watch, live: None });
-    drop(reporter);
+    onlookers.leave(outcome.as_ref().ok().map(|rendered| &rendered.film));
     let mut rendered = outcome.map_err(|error| match error {
         RenderError::Panicked(fault) => {
             Failure::internal(fault_message(args, settings, ready.look.max_depth, frame, &fault))
@@ -234,42 +247,25 @@ fn warn_of_rejected(rejected: &RejectedSamples, seed: u64) {
     say::warning(text);
 }
 
-fn write(
-    args: &RenderArgs,
-    plan: &Plan,
-    ready: &Ready,
-    frame: Option<u32>,
-    rendered: &Rendered,
-) -> Result<(), Failure> {
-    let picture = rendered.film.picture(shown_error);
-    let metadata = ready.report.metadata();
-    for (path, format) in &plan.outputs {
-        let path = plan.name(path, frame);
-        match format {
-            OutputFormat::Exr => write_exr(&path, &picture, &metadata)?,
-            OutputFormat::Png => write_png(&path, &picture)?,
-        }
+/// The files that are asked for.
+fn outputs<'a>(args: &RenderArgs, plan: &Plan, ready: &'a Ready, frame: Option<u32>) -> Outputs<'a> {
+    let named = |path: &PathBuf| plan.name(path, frame);
+    Outputs {
+        pictures: plan.outputs.iter().map(|(path, format)| (named(path), *format)).collect(),
+        tree: args.tree.as_ref().map(named),
+        stats: args.stats.as_ref().map(named),
+        settings: &ready.report,
+        load_seconds: ready.load_seconds,
     }
-    if let Some(path) = args.tree.as_deref().map(|path| plan.name(path, frame)) {
-        let svg = rendered.sampling.tree_svg();
-        write_atomically(&path, |writer| {
-            let failed = |source| OutputError::Write { path: path.clone(), source };
-            writer.write_all(svg.as_bytes()).map_err(failed)
-        })?;
-    }
-    if let Some(path) = args.stats.as_deref().map(|path| plan.name(path, frame)) {
-        write_stats(&path, &ready.report, ready.load_seconds, rendered)?;
-    }
-    Ok(())
 }
 
 /// What the `end` event says; `docs/terminal.md` explains the keys.
-fn ending(plan: &Plan, frame: Option<u32>, rendered: &Rendered) -> End {
+fn ending(frame: Option<u32>, rendered: &Rendered, wrote: &[PathBuf]) -> End {
     let statistics = &rendered.statistics;
     End {
         stopped_by: stopped_by(rendered.stopped_by),
         frame,
-        wrote: plan.outputs.iter().map(|(path, _)| plan.name(path, frame)).collect(),
+        wrote: wrote.to_vec(),
         wall_seconds: statistics.wall_seconds,
         samples: statistics.samples,
         rays: statistics.rays,
@@ -299,7 +295,7 @@ struct End {
 }
 
 /// The last words: how far it came, and where the pictures are.
-fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered) -> String {
+fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered, wrote: &[PathBuf]) -> String {
     let statistics = &rendered.statistics;
     let ending = match rendered.stopped_by {
         StoppedBy::Done => "done",
@@ -323,9 +319,8 @@ fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered) -> String {
     {
         text.push_str(&format!("\nnoise {reached:.2} % of white (95 % interval {low:.2}-{high:.2})"));
     }
-    for (path, _) in &plan.outputs {
-        let path = plan.name(path, frame);
-        let shown = std::fs::canonicalize(&path).unwrap_or(path);
+    for path in wrote {
+        let shown = std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
         text.push_str(&format!("\nwrote {}", shown.display()));
     }
     text
@@ -392,7 +387,8 @@ mod tests {
         let message = fault_message(&args, &ready.settings, ready.look.max_depth, None, &fault);
         let replay = parse(&message.rsplit(": ").next().unwrap().split(' ').collect::<Vec<_>>());
         let ready = prepared(&replay, &Plan::new(&replay).unwrap());
-        let rendered = draw(&replay, &ready, None, &AtomicBool::new(false)).unwrap();
+        let plan = Plan::new(&replay).unwrap();
+        let rendered = draw(&replay, &plan, &ready, None, &AtomicBool::new(false)).unwrap();
         // Two replicates of 21 samples each: the last one is number 20.
         assert_eq!((rendered.film.sample_counts(), rendered.statistics.samples), (vec![42], 42));
         assert_eq!(ready.settings.window, Window { x0: 7, y0: 9, x1: 8, y1: 10 });

@@ -26,19 +26,46 @@ const PREFIX: &str = "quietus.";
 /// # Errors
 /// When the file cannot be written; `path` is then as it was.
 pub fn write_exr(path: &Path, picture: &Picture, metadata: &Metadata) -> Result<(), OutputError> {
+    let Window { x0, y0, .. } = picture.window;
+    let place = Place {
+        display: [0, 0, i64::from(picture.frame[0]), i64::from(picture.frame[1])],
+        corner: [x0 as i32, y0 as i32],
+        size: [picture.window.width(), picture.window.height()],
+    };
+    write_layer(path, place, channels(picture), metadata)
+}
+
+/// Where a layer lies.
+pub(crate) struct Place {
+    /// The display window: left, top, width, height.
+    pub display: [i64; 4],
+    /// Upper left corner of the data window.
+    pub corner: [i32; 2],
+    /// Its size.
+    pub size: [u32; 2],
+}
+
+/// Writes a file of one layer in Rec.709.
+pub(crate) fn write_layer(
+    path: &Path,
+    place: Place,
+    channels: AnyChannels<FlatSamples>,
+    metadata: &Metadata,
+) -> Result<(), OutputError> {
     let mut attributes = LayerAttributes {
-        layer_position: Vec2(picture.window.x0 as i32, picture.window.y0 as i32),
+        layer_position: Vec2(place.corner[0], place.corner[1]),
         software_name: Some(text(concat!("quietus ", env!("CARGO_PKG_VERSION")))),
         ..LayerAttributes::default()
     };
     for (name, value) in metadata {
         attributes.other.insert(text(&format!("{PREFIX}{name}")), AttributeValue::Text(text(value)));
     }
-    let size = Vec2(picture.window.width() as usize, picture.window.height() as usize);
-    let layer = Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels(picture));
+    let size = Vec2(place.size[0] as usize, place.size[1] as usize);
+    let layer = Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels);
     let mut image = Image::from_layer(layer);
-    let frame = picture.frame.map(|side| side as usize);
-    image.attributes.display_window = IntegerBounds::from_dimensions(Vec2(frame[0], frame[1]));
+    let [left, top, width, height] = place.display;
+    image.attributes.display_window =
+        IntegerBounds::new(Vec2(left as i32, top as i32), Vec2(width as usize, height as usize));
     image.attributes.chromaticities = Some(REC_709);
     write_atomically(path, |writer| {
         image.write().to_buffered(writer).map_err(|error| format_error(path, &error))
@@ -72,11 +99,11 @@ fn channels(picture: &Picture) -> AnyChannels<FlatSamples> {
 }
 
 /// Attribute text may hold any bytes; ours are UTF-8.
-fn text(value: &str) -> Text {
+pub(crate) fn text(value: &str) -> Text {
     Text::from_bytes_unchecked(SmallVec::from_slice(value.as_bytes()))
 }
 
-fn string(text: &Text) -> String {
+pub(crate) fn string(text: &Text) -> String {
     String::from_utf8_lossy(text.bytes()).into_owned()
 }
 
@@ -95,7 +122,7 @@ fn format_error(path: &Path, error: &exr::error::Error) -> OutputError {
 const MAX_BYTES: u64 = 1 << 34;
 
 /// Reads any EXR with flat layers and at most [`MAX_BYTES`] of samples.
-fn read_flat(path: &Path) -> Result<FlatImage, OutputError> {
+pub(crate) fn read_flat(path: &Path) -> Result<FlatImage, OutputError> {
     let bytes = std::fs::read(path).map_err(|source| OutputError::Read { path: path.to_owned(), source })?;
     let wrong = |message: String| OutputError::Format { path: path.to_owned(), message };
     let unreadable = |error: exr::error::Error| wrong(format!("not a readable OpenEXR file: {error}"));
@@ -181,7 +208,7 @@ pub fn read_exr_info(path: &Path) -> Result<ExrInfo, OutputError> {
     Ok(ExrInfo { frame: bounds(window.position, window.size), layers: layers.collect() })
 }
 
-fn metadata<C>(layer: &Layer<C>) -> Metadata {
+pub(crate) fn metadata<C>(layer: &Layer<C>) -> Metadata {
     let texts = layer.attributes.other.iter().filter_map(|(name, value)| match value {
         AttributeValue::Text(value) => {
             let name = string(name);
@@ -209,54 +236,6 @@ fn channel_info(channel: &AnyChannel<FlatSamples>) -> ExrChannel {
     let name = string(&channel.name);
     let nonfinite = channel.sample_data.len() - finite;
     ExrChannel { name, kind, min, mean: sum / finite.max(1) as f64, max, nonfinite }
-}
-
-/// Any EXR file's channels as floats, those of its first layer that has red, green and blue.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ExrPlanes {
-    /// Width and height of the data window.
-    pub size: [u32; 2],
-    /// Names and values, row by row from the top, in file order.
-    pub channels: Vec<(String, Vec<f32>)>,
-    /// The layer's text attributes, see [`ExrLayer::metadata`].
-    pub metadata: Metadata,
-}
-
-impl ExrPlanes {
-    /// The values of a channel.
-    pub fn channel(&self, name: &str) -> Option<&[f32]> {
-        self.channels.iter().find(|(n, _)| n == name).map(|(_, values)| values.as_slice())
-    }
-
-    /// Pixels of the channels R, G and B.
-    pub fn rgb(&self) -> Option<Vec<[f32; 3]>> {
-        let [r, g, b] = ["R", "G", "B"].map(|name| self.channel(name));
-        let ((r, g), b) = r.zip(g).zip(b)?;
-        Some(r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect())
-    }
-}
-
-/// Reads the channels of any EXR file.
-///
-/// # Errors
-/// When it is missing, is no EXR file with flat layers, or no layer has the channels R, G and B.
-pub fn read_exr_planes(path: &Path) -> Result<ExrPlanes, OutputError> {
-    let image = read_flat(path)?;
-    let wrong = |message: &str| OutputError::Format { path: path.to_owned(), message: message.into() };
-    let planes = |layer: &Layer<AnyChannels<FlatSamples>>| ExrPlanes {
-        size: [layer.size.0 as u32, layer.size.1 as u32],
-        channels: (layer.channel_data.list.iter())
-            .map(|channel| (string(&channel.name), channel.sample_data.values_as_f32().collect()))
-            .collect(),
-        metadata: metadata(layer),
-    };
-    let has_colors = |layer: &&Layer<AnyChannels<FlatSamples>>| {
-        ["R", "G", "B"]
-            .iter()
-            .all(|name| layer.channel_data.list.iter().any(|channel| channel.name == **name))
-    };
-    let colored = image.layer_data.iter().find(has_colors);
-    colored.map(planes).ok_or_else(|| wrong("no layer has the channels `R`, `G` and `B`"))
 }
 
 /// Reads a picture that [`write_exr`] wrote, with its metadata sorted by name.

@@ -2,13 +2,15 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use serde::{Deserialize, Serialize};
+
 use crate::buffer::{TileBuffer, VisitAovs, VisitReplicate, VisitSummary};
 use crate::layout::{Layout, TILE, TILE_PIXELS};
 use crate::picture::Picture;
 use crate::rejected::RejectedSamples;
 
 /// One of the independent estimates of a pixel.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Replicate {
     /// Sums of red, green, blue (linear Rec.709) and alpha over the accepted samples.
     pub sum: [f32; 4],
@@ -33,7 +35,7 @@ impl Replicate {
 }
 
 /// Sums of albedo, normal and depth over the accepted samples of all replicates of a pixel.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Aovs {
     sum: [f32; 7],
     hits: u32,
@@ -97,6 +99,16 @@ impl TileCopy {
     pub fn aovs(&self, column: u32, row: u32) -> &Aovs {
         &self.aovs[(row * TILE + column) as usize]
     }
+}
+
+/// All that a film holds, bit for bit: what another film goes on from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FilmState {
+    /// R in a row for each of the 64 pixels of each tile.
+    replicates: Vec<Replicate>,
+    /// One for each of the 64 pixels of each tile.
+    aovs: Vec<Aovs>,
+    rejected: RejectedSamples,
 }
 
 /// All tiles of a picture in the making. Threads share it by reference.
@@ -163,6 +175,37 @@ impl Film {
             replicates: tile.replicates.clone(),
             aovs: tile.aovs.clone(),
         }
+    }
+
+    /// Copies everything out. While nobody adds samples, as tile after tile is copied under its own lock.
+    pub fn state(&self) -> FilmState {
+        let pixels = self.tiles.len() * TILE_PIXELS;
+        let mut replicates = Vec::with_capacity(pixels * self.layout.replicates());
+        let mut aovs = Vec::with_capacity(pixels);
+        for tile in &self.tiles {
+            let tile = lock(tile);
+            replicates.extend_from_slice(&tile.replicates);
+            aovs.extend_from_slice(&*tile.aovs);
+        }
+        FilmState { replicates, aovs, rejected: self.rejected() }
+    }
+
+    /// A film that holds what another one held. `None` where that one was laid out otherwise.
+    pub fn restored(layout: Layout, state: &FilmState) -> Option<Self> {
+        let film = Self::new(layout);
+        let pixels = film.tiles.len() * TILE_PIXELS;
+        let per_tile = TILE_PIXELS * film.layout.replicates();
+        if state.aovs.len() != pixels || state.replicates.len() != film.tiles.len() * per_tile {
+            return None;
+        }
+        let (aovs, _) = state.aovs.as_chunks();
+        for ((tile, replicates), aovs) in film.tiles.iter().zip(state.replicates.chunks(per_tile)).zip(aovs) {
+            let mut tile = lock(tile);
+            tile.replicates.copy_from_slice(replicates);
+            *tile.aovs = *aovs;
+        }
+        *lock(&film.rejected) = state.rejected.clone();
+        Some(film)
     }
 
     /// The rejected samples so far.
@@ -251,6 +294,23 @@ mod tests {
         assert_eq!(picture.error[index], 10.0);
         assert_eq!(picture.depth[index], 2.0);
         assert_eq!(picture.beauty[0], [0.0; 4]);
+    }
+
+    #[test]
+    fn a_film_goes_on_from_the_state_of_another() {
+        let layout = || Layout::full(9, 3).unwrap();
+        let film = Film::new(layout());
+        let mut buffer = TileBuffer::new(2);
+        buffer.add(&work(8, 1, 8, 1), 0, &grey(0.3));
+        buffer.add(&work(8, 1, 8, 1), 1, &grey(f32::NAN));
+        film.commit(1, &mut buffer, |_| ());
+        let state = film.state();
+        let other = Film::restored(layout(), &state).unwrap();
+        assert_eq!(other.state(), state);
+        let pictures = [&film, &other].map(|film| film.picture(|replicates| replicates[1].sum[0]));
+        assert!(pictures[0] == pictures[1] && pictures[0].beauty[17][0] == 0.3);
+        assert_eq!(other.rejected().count(), 1);
+        assert!(Film::restored(Layout::full(9, 9).unwrap(), &state).is_none());
     }
 
     #[test]

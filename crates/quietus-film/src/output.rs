@@ -94,6 +94,26 @@ pub fn remove_unfinished() {
     }
 }
 
+/// Removes what processes that were killed have left beside `path` while they wrote it. `is_running` tells of a
+/// process, by its number, whether it may still be writing.
+pub fn remove_abandoned(path: &Path, is_running: impl Fn(u32) -> bool) {
+    let target = destination(path);
+    let Some(name) = target.file_name().and_then(|name| name.to_str()) else { return };
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let process = entry.file_name().to_str().and_then(|part| {
+            let number =
+                part.strip_prefix('.')?.strip_prefix(name)?.strip_prefix('.')?.strip_suffix(".part")?;
+            number.split_once('-')?.0.parse().ok()
+        });
+        if process.is_some_and(|process| !is_running(process)) {
+            // Left by somebody who is gone; where it cannot be removed it does no harm.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
 /// What gets replaced by writing `path`: the target of a symbolic link, not the link.
 fn destination(path: &Path) -> PathBuf {
     fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
@@ -163,6 +183,17 @@ mod tests {
 
     fn entries(dir: &Path) -> Vec<String> {
         fs::read_dir(dir).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn what_killed_writers_left_is_removed_and_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let names =
+            [".a.exr.7-0.part", ".a.exr.8-0.part", ".b.exr.7-0.part", "a.exr.7-0.part", ".a.exr.x-0.part"];
+        names.iter().for_each(|name| fs::write(dir.path().join(name), "").unwrap());
+        remove_abandoned(&dir.path().join("a.exr"), |process| process == 8);
+        let left = names.map(|name| dir.path().join(name).exists());
+        assert_eq!(left, [false, true, true, true, true]);
     }
 
     #[test]

@@ -2,11 +2,13 @@
 
 use std::collections::BTreeSet;
 
+use serde::{Deserialize, Serialize};
+
 /// How many rejected samples are remembered. A handful tells a pattern, more only hides it.
 const REMEMBERED: usize = 8;
 
 /// A sample that was not finite. Ordered by row, column, replicate, index.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct RejectedSample {
     /// Row in the full frame.
     pub y: u32,
@@ -20,7 +22,7 @@ pub struct RejectedSample {
 
 /// All rejected samples of a render. The ones remembered are the first in picture order, not in time, so that the
 /// report does not depend on threads.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RejectedSamples {
     count: u64,
     first: BTreeSet<RejectedSample>,

@@ -29,6 +29,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
         let message = format!("the file is larger than {MAX_FILE_BYTES} bytes");
         return Err(SceneError::new(ErrorKind::Unsupported, path, "", message));
     }
+    crate::fingerprint::note(path, &bytes);
     Ok(bytes)
 }
 

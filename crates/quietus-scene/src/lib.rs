@@ -8,6 +8,7 @@ mod embedded;
 mod environment;
 mod error;
 mod file;
+mod fingerprint;
 mod framing;
 mod gltf;
 mod image;
@@ -23,6 +24,7 @@ use quietus_trace::desc::{Environment, SceneDesc};
 pub use embedded::embedded;
 pub use environment::{load_environment, load_environment_bytes};
 pub use error::{ErrorKind, SceneError, Warning};
+pub use fingerprint::{Fingerprint, files_read};
 pub use scene_file::{Animation, SceneFile};
 pub use summary::{Summary, summary};
 

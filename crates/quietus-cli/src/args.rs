@@ -121,8 +121,13 @@ pub(crate) struct RenderArgs {
     #[arg(long, conflicts_with_all = ["sampling", "spp"])]
     pub unbiased: bool,
 
-    /// Region error to stop at, in the library's units: smaller is cleaner and slower.
-    /// [default: 0.001; not with uniform]
+    /// Noise to stop at, in percent of white: the root mean square error of the finished picture as it is displayed.
+    /// With --sampling quietus and uniform. [default: 1%, where nothing else says when to stop]
+    #[arg(long, value_name = "P%", value_parser = parse_noise, conflicts_with_all = ["target_error", "spp"])]
+    pub noise: Option<f64>,
+
+    /// Region error to stop at instead of a noise, in the library's units: smaller is cleaner and slower.
+    /// [default with samplings that cannot go by noise: 0.001; not with uniform]
     #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = parse_error)]
     pub target_error: Option<f64>,
 
@@ -135,12 +140,13 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub min_samples: Option<u32>,
 
-    /// Samples no pixel exceeds. Default: the samples per pixel that the scene asks for, else 4096; what has reached
-    /// the target error stops earlier. Not with uniform.
+    /// Samples no pixel exceeds. Default: no limit with --noise and --time; with --target-error the samples per pixel that
+    /// the scene asks for, else 4096. Not with uniform.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub max_samples: Option<u32>,
 
-    /// Stop after this time, such as 90s, 5m or "1h 30m"; a plain number means seconds.
+    /// The best picture for this time, such as 90s, 5m or "1h 30m"; a plain number means seconds. With --noise or
+    /// --target-error: stop after this time if the picture is not done before.
     #[arg(long, value_name = "DURATION", value_parser = parse_time)]
     pub time: Option<Duration>,
 
@@ -308,6 +314,15 @@ fn parse_error(text: &str) -> Result<f64, String> {
     }
 }
 
+/// As a share.
+fn parse_noise(text: &str) -> Result<f64, String> {
+    let percent = text.strip_suffix('%').unwrap_or(text).trim_end().parse::<f64>();
+    match percent {
+        Ok(percent) if percent > 0.0 && percent <= 100.0 => Ok(percent / 100.0),
+        _ => Err("expected percent of white, above 0 and up to 100, such as 1% or 0.5%".to_owned()),
+    }
+}
+
 fn parse_factor(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(factor),
@@ -373,6 +388,10 @@ mod tests {
         }
         for bad in ["nan", "0", "-1", "x", ""] {
             assert!(parse_factor(bad).is_err() && parse_limit(bad).is_err(), "{bad}");
+        }
+        assert_eq!(["1%", "1 %", "1"].map(parse_noise), [const { Ok(0.01) }; 3]);
+        for bad in ["0", "-1%", "101%", "nan", "%", "1%%", ""] {
+            assert!(parse_noise(bad).is_err(), "{bad}");
         }
         assert!(parse_factor("inf").is_err() && parse_limit("inf") == Ok(f32::INFINITY));
         assert_eq!(parse_time("90"), Ok(Duration::from_secs(90)));

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use quietus::{Checks, Rebuild};
 use quietus_film::{Layout, OutputFormat, Window, check_writable};
-use quietus_render::{Machinery, RenderSettings, Sampling, available_memory};
+use quietus_render::{Goal, Machinery, RenderSettings, Sampling, available_memory};
 use quietus_trace::desc::{Camera, PictureDefaults};
 use quietus_trace::filter::Filter;
 
@@ -15,7 +15,9 @@ use crate::error::Failure;
 use crate::timeline::Timeline;
 use crate::wishes::{Wish, wishes};
 
-/// Region error of a presentable picture; what is left of the noise is that of a good preview.
+/// Noise of a presentable picture, as a share of white.
+const NOISE: f64 = 0.01;
+/// Region error of a presentable picture, for samplings that cannot go by noise.
 const TARGET_ERROR: f64 = 0.001;
 /// Below this a pixel's error is too uncertain to act on (the talk, section 3.2).
 const MIN_SAMPLES: u32 = 16;
@@ -35,8 +37,8 @@ const DEFAULT_ASPECT: f32 = 16.0 / 9.0;
 pub(crate) struct Plan {
     /// How samples are spread.
     pub sampling: Sampling,
-    /// Region error to stop at.
-    pub target_error: f64,
+    /// When a picture is good enough.
+    pub goal: Goal,
     /// Pictures to write.
     pub outputs: Vec<(PathBuf, OutputFormat)>,
     /// Threads that render.
@@ -52,7 +54,6 @@ impl Plan {
     /// The first flag that makes no sense, or the first output that cannot be written.
     pub(crate) fn new(args: &RenderArgs) -> Result<Self, Failure> {
         let sampling = sampling(args)?;
-        sample_limits(args, sampling, None)?;
         if args.tree.is_some() && !sampling.has_tree() {
             return Err(Failure::usage("--tree needs a tree: --sampling quietus, talk or free-running"));
         }
@@ -62,8 +63,9 @@ impl Plan {
             Some(threads) => threads,
             None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
         };
-        let target_error = args.target_error.unwrap_or(TARGET_ERROR);
-        Ok(Self { sampling, target_error, outputs, threads, timeline })
+        let goal = goal(args, sampling)?;
+        sample_limits(args, sampling, goal, None)?;
+        Ok(Self { sampling, goal, outputs, threads, timeline })
     }
 
     /// Where an output called `path` goes for `frame`.
@@ -87,12 +89,12 @@ impl Plan {
         let frame = frame(args, camera, picture)?;
         let window = window(args, picture, frame)?;
         check_memory(&Layout::new(frame, window, 2)?)?;
-        let (min_samples, max_samples) = sample_limits(args, self.sampling, picture.samples)?;
+        let (min_samples, max_samples) = sample_limits(args, self.sampling, self.goal, picture.samples)?;
         let settings = RenderSettings {
             frame,
             window,
             sampling: self.sampling,
-            target_error: self.target_error,
+            goal: self.goal,
             min_samples,
             max_samples,
             time_limit: args.time,
@@ -116,8 +118,10 @@ impl Plan {
         match name {
             "size" => args.size.is_some() || args.width.is_some(),
             "crop" => args.crop.is_some(),
-            "max_samples" if self.sampling == Sampling::Uniform => args.spp.is_some() || args.time.is_some(),
-            "max_samples" => args.max_samples.is_some(),
+            "max_samples" if self.goal == Goal::Limits && self.sampling == Sampling::Uniform => {
+                args.spp.is_some() || args.time.is_some()
+            }
+            "max_samples" => args.max_samples.is_some() || !goes_by_samples(self.goal, self.sampling),
             "max_depth" => args.max_depth.is_some(),
             "filter" => args.filter.is_some(),
             "exposure" => args.exposure.is_some(),
@@ -208,6 +212,26 @@ fn machinery(args: &RenderArgs, sampling: Sampling) -> Machinery {
     }
 }
 
+/// When a picture is good enough.
+fn goal(args: &RenderArgs, sampling: Sampling) -> Result<Goal, Failure> {
+    if let (Some(_), false) = (args.noise, sampling.can_forecast()) {
+        return Err(Failure::usage(match sampling {
+            Sampling::Unbiased => {
+                "--noise is for --sampling quietus and uniform: unbiased sampling decides once how many samples a pixel \
+                 gets, and going on until the picture is good enough would bias it; it goes by --target-error"
+            }
+            _ => "--noise is for --sampling quietus and uniform; the others go by --target-error",
+        }));
+    }
+    Ok(match (args.noise, args.target_error) {
+        (Some(noise), _) => Goal::Noise(noise),
+        (None, Some(error)) => Goal::TargetError(error),
+        (None, None) if !sampling.can_forecast() => Goal::TargetError(TARGET_ERROR),
+        (None, None) if sampling == Sampling::Uniform || args.time.is_some() => Goal::Limits,
+        (None, None) => Goal::Noise(NOISE),
+    })
+}
+
 fn sampling(args: &RenderArgs) -> Result<Sampling, Failure> {
     let asked = if args.unbiased { Some(SamplingArg::Unbiased) } else { args.sampling };
     let chosen = match (asked, args.spp) {
@@ -224,12 +248,12 @@ fn sampling(args: &RenderArgs) -> Result<Sampling, Failure> {
     if chosen == SamplingArg::Uniform {
         let flags = [
             ("--target-error", args.target_error.is_some()),
-            ("--min-samples", args.min_samples.is_some()),
-            ("--max-samples", args.max_samples.is_some()),
+            ("--min-samples", args.min_samples.is_some() && args.noise.is_none()),
+            ("--max-samples", args.max_samples.is_some() && args.noise.is_none()),
         ];
         if let Some((flag, _)) = flags.iter().find(|(_, given)| *given) {
             return Err(Failure::usage(format!(
-                "{flag} is for adaptive sampling; uniform sampling goes by --spp and --time"
+                "{flag} is for adaptive sampling; uniform sampling goes by --spp, --noise and --time"
             )));
         }
     }
@@ -246,21 +270,37 @@ fn sampling(args: &RenderArgs) -> Result<Sampling, Failure> {
 }
 
 /// Smallest and largest number of samples per pixel, in a scene that asks for `wished` ones.
-fn sample_limits(args: &RenderArgs, sampling: Sampling, wished: Option<u32>) -> Result<(u32, u32), Failure> {
-    let wished = wished.map(|samples| samples.max(1));
-    if sampling == Sampling::Uniform {
+fn sample_limits(
+    args: &RenderArgs,
+    sampling: Sampling,
+    goal: Goal,
+    wished: Option<u32>,
+) -> Result<(u32, u32), Failure> {
+    // Who asks for a noise or a time says when it is enough; what the scene's author took for enough does not count.
+    let wished = wished.map(|samples| samples.max(1)).filter(|_| goes_by_samples(goal, sampling));
+    if sampling == Sampling::Uniform && goes_by_samples(goal, sampling) {
         let unlimited = args.time.map(|_| u32::MAX);
         let spp = args.spp.or(unlimited).or(wished).unwrap_or(UNIFORM_SAMPLES);
         return Ok((spp, spp));
     }
     // A limit given alone moves the other one's default out of its way.
-    let default = wished.unwrap_or(MAX_SAMPLES);
+    let most = if goes_by_samples(goal, sampling) { MAX_SAMPLES } else { u32::MAX };
+    let default = wished.unwrap_or(most);
     let max = args.max_samples.unwrap_or(default.max(args.min_samples.unwrap_or(0)));
     let min = args.min_samples.unwrap_or(MIN_SAMPLES.min(max));
     if min > max {
         return Err(Failure::usage(format!("--min-samples {min} is more than --max-samples {max}")));
     }
     Ok((min, max))
+}
+
+/// Whether a number of samples per pixel, where nobody gives one, has to end a picture.
+fn goes_by_samples(goal: Goal, sampling: Sampling) -> bool {
+    match goal {
+        Goal::Noise(_) => false,
+        Goal::TargetError(_) => true,
+        Goal::Limits => sampling == Sampling::Uniform,
+    }
 }
 
 fn outputs(args: &RenderArgs, timeline: Option<&Timeline>) -> Result<Vec<(PathBuf, OutputFormat)>, Failure> {
@@ -371,7 +411,25 @@ mod tests {
     #[test]
     fn defaults_suit_adaptive_sampling() {
         assert_eq!(plan("").unwrap().sampling, Sampling::Quietus);
-        assert_eq!(limits("", None), (16, 4096));
+        assert_eq!(limits("--target-error 0.01", None), (16, 4096));
+        assert_eq!(limits("", None), (16, u32::MAX));
+    }
+
+    #[test]
+    fn the_goal_is_noise_unless_something_else_is_asked_for() {
+        let goal = |flags: &str| plan(flags).unwrap().goal;
+        assert_eq!(["", "--noise 1%"].map(goal), [Goal::Noise(0.01); 2]);
+        assert_eq!(goal("--noise 0.5% --time 9"), Goal::Noise(0.005));
+        assert_eq!(goal("--sampling uniform --noise 2"), Goal::Noise(0.02));
+        assert_eq!(goal("--target-error 0.01 --time 9"), Goal::TargetError(0.01));
+        for flags in ["--sampling talk", "--unbiased", "--sampling tile --time 9"] {
+            assert_eq!(goal(flags), Goal::TargetError(TARGET_ERROR), "{flags}");
+        }
+        for flags in ["--time 9", "--spp 4", "--sampling uniform", "--sampling uniform --time 9"] {
+            assert_eq!(goal(flags), Goal::Limits, "{flags}");
+        }
+        assert!(plan("--unbiased --noise 1%").unwrap_err().contains("would bias it"));
+        assert!(plan("--sampling talk --noise 1%").unwrap_err().contains("go by --target-error"));
     }
 
     #[test]
@@ -402,16 +460,21 @@ mod tests {
     #[test]
     fn a_limit_alone_moves_the_default_of_the_other() {
         assert_eq!(limits("--max-samples 4", None), (4, 4));
-        assert_eq!(limits("--min-samples 9000", None), (9000, 9000));
+        assert_eq!(limits("--min-samples 9000 --target-error 0.01", None), (9000, 9000));
     }
 
     #[test]
     fn samples_of_a_scene_are_the_most_that_adaptive_sampling_takes() {
-        assert_eq!(limits("", Some(1024)), (16, 1024));
-        assert_eq!(limits("", Some(4)), (4, 4));
-        assert_eq!(limits("", Some(0)), (1, 1));
+        let limits_at_target = |samples| limits("--target-error 0.01", samples);
+        assert_eq!(limits_at_target(Some(1024)), (16, 1024));
+        assert_eq!(limits_at_target(Some(4)), (4, 4));
+        assert_eq!(limits_at_target(Some(0)), (1, 1));
         assert_eq!(limits("--max-samples 64", Some(1024)), (16, 64));
-        assert_eq!(limits("--min-samples 64", Some(4)), (64, 64));
+        assert_eq!(limits("--min-samples 64 --target-error 0.01", Some(4)), (64, 64));
+        // Who asks for a noise or a time gets it.
+        for flags in ["", "--noise 2%", "--time 9", "--sampling uniform --noise 1%"] {
+            assert_eq!(limits(flags, Some(4)), (16, u32::MAX), "{flags}");
+        }
     }
 
     #[test]
@@ -427,7 +490,7 @@ mod tests {
         };
         let of = |flags| decide(flags, &picture).unwrap();
         let names = |decided: &Decided| decided.followed.iter().map(|wish| wish.name).collect::<Vec<_>>();
-        let wished = of("");
+        let wished = of("--target-error 0.01");
         assert_eq!(wished.settings.frame, [400, 300]);
         assert_eq!(wished.settings.window, Window { x0: 200, y0: 0, x1: 400, y1: 75 });
         let look = Look {

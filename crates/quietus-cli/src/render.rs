@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use quietus_film::RejectedSamples;
 use quietus_render::{
-    Control, Fault, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, Watched,
+    Bound, Control, Fault, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, Watched,
     noise::measure_noise, render,
 };
 use quietus_trace::desc::{Camera, SceneDesc};
@@ -154,6 +154,7 @@ fn draw(
     })?;
     // Whose time is up, or who is interrupted, wants the picture now.
     if rendered.stopped_by == StoppedBy::Done
+        && rendered.noise.is_none()
         && let Some(noise) = measure_noise(&tracer, &rendered, settings.threads, cancel)
     {
         rendered.statistics.set_noise(noise);
@@ -317,13 +318,31 @@ fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered, wrote: &[PathBu
     if let (Some(reached), Some(low), Some(high)) =
         (statistics.noise_reached, statistics.noise_low, statistics.noise_high)
     {
-        text.push_str(&format!("\nnoise {reached:.2} % of white (95 % interval {low:.2}-{high:.2})"));
+        let interval = format!("(95 % interval {low:.2}-{high:.2})");
+        text.push_str(&match statistics.noise_asked {
+            Some(asked) => {
+                format!(
+                    "\nnoise: asked {asked} %, reached {reached:.2} % of white {interval}{}",
+                    bound(rendered)
+                )
+            }
+            None => format!("\nnoise {reached:.2} % of white {interval}"),
+        });
     }
     for path in wrote {
         let shown = std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
         text.push_str(&format!("\nwrote {}", shown.display()));
     }
     text
+}
+
+/// What kept the noise from being what was asked for.
+fn bound(rendered: &Rendered) -> &'static str {
+    match rendered.bound {
+        None => "",
+        Some(Bound::MinSamples) => "; --min-samples already makes it cleaner",
+        Some(Bound::MaxSamples) => "; --max-samples keeps it from less",
+    }
 }
 
 #[cfg(test)]

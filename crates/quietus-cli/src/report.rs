@@ -7,7 +7,7 @@ use std::path::Path;
 use clap::ValueEnum;
 use quietus::{Checks, Rebuild};
 use quietus_film::{Metadata, OutputError, write_atomically};
-use quietus_render::{Rendered, Sampling, Statistics, StoppedBy};
+use quietus_render::{Goal, Rendered, Sampling, Statistics, StoppedBy};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -30,6 +30,7 @@ pub(crate) struct Settings {
     height: u32,
     crop: [u32; 4],
     sampling: &'static str,
+    noise: Option<f64>,
     target_error: Option<f64>,
     min_samples: Option<u32>,
     max_samples: Option<u32>,
@@ -69,7 +70,14 @@ impl Settings {
             height: settings.frame[1],
             crop: [window.x0, window.y0, window.x1, window.y1],
             sampling: sampling_name(settings.sampling),
-            target_error: adaptive.then_some(settings.target_error),
+            noise: match settings.goal {
+                Goal::Noise(noise) => Some(100.0 * noise),
+                _ => None,
+            },
+            target_error: match settings.goal {
+                Goal::TargetError(error) => Some(error),
+                _ => None,
+            },
             min_samples: adaptive.then_some(settings.min_samples),
             max_samples: (settings.max_samples < u32::MAX).then_some(settings.max_samples),
             time_limit_seconds: settings.time_limit.map(|limit| limit.as_secs_f64()),

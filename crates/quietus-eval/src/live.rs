@@ -9,7 +9,9 @@ use std::{num::NonZeroUsize, sync::atomic::AtomicBool};
 use glam::Vec3;
 use quietus::Settings;
 use quietus_film::Window;
-use quietus_render::{Control, Machinery, PathTracer, RenderSettings, Sampling, Tracer, render, shown_error};
+use quietus_render::{
+    Control, Goal, Machinery, PathTracer, RenderSettings, Sampling, Tracer, render, shown_error,
+};
 use quietus_trace::tile::{PixelWork, Sample, SampleSink, TileCounts};
 use serde::{Deserialize, Serialize};
 
@@ -120,7 +122,7 @@ fn render_settings(method: Method, settings: &Settings) -> RenderSettings {
             Method::Quietus => Sampling::Quietus,
             Method::Unbiased => Sampling::Unbiased,
         },
-        target_error: settings.target_error,
+        goal: Goal::TargetError(settings.target_error),
         min_samples: settings.min_samples,
         max_samples: settings.max_samples,
         time_limit: None,

@@ -1,6 +1,6 @@
 //! Whether the noise that a render reports is the noise it has.
 
-use quietus_render::noise::{Finished, LEAST_PICKS, Noise, SHARE, estimate, pick};
+use quietus_render::noise::{Effort, Finished, Noise, estimate, pick};
 
 use crate::{
     Bank, Replay, packed,
@@ -21,7 +21,7 @@ pub(crate) fn reported_noise(bank: &Bank, replay: &Replay, run: u64) -> Option<N
         means: &replay.picture.rgb,
         counts: &replay.counts,
     };
-    let picks = pick(&finished, SHARE * replay.samples as f64, LEAST_PICKS, |index| {
+    let picks = pick(&finished, Effort::REPORT, |index| {
         Random::new(run ^ 0x6e6f_6973, index).next() as f64 / 2.0_f64.powi(64)
     });
     let fresh: Vec<[[f32; 3]; 2]> = picks

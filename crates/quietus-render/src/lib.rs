@@ -4,23 +4,28 @@
 //! them; [`render`] owns the threads that carry one to the other. Nothing here decides anything about pixels or
 //! light.
 
+mod crew;
 mod fault;
+mod forecast;
 mod live;
 pub mod noise;
 mod pixel_errors;
 mod process;
 mod progress;
+mod rounds;
 mod run;
 mod settings;
 mod statistics;
+mod steering;
 mod tracer;
 
 pub use fault::Fault;
 pub use live::Live;
 pub use pixel_errors::{pixel_error, shown_error};
 pub use process::available_memory;
-pub use progress::Progress;
-pub use run::{Control, RenderError, Rendered, StoppedBy, Watched, render};
-pub use settings::{Machinery, RenderSettings, Sampling};
+pub use progress::{NoiseProgress, Progress};
+pub use rounds::render;
+pub use run::{Bound, Control, RenderError, Rendered, StoppedBy, Watched};
+pub use settings::{Goal, Machinery, RenderSettings, Sampling};
 pub use statistics::{LoggedRebuild, MOST_LOGGED, SampleStatistics, Statistics};
 pub use tracer::{PathTracer, Tracer};

@@ -3,6 +3,19 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use crate::noise::Noise;
+
+/// What is known of the noise of a render that was asked for it, as a share of white.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseProgress {
+    /// The noise asked for.
+    pub asked: f64,
+    /// What was measured last.
+    pub measured: Option<Noise>,
+    /// The noise it is expected to end with, where limits of samples keep it from the one asked for.
+    pub expected: Option<f64>,
+}
+
 /// A look at a running render.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
@@ -22,6 +35,8 @@ pub struct Progress {
     pub converged_fraction: f64,
     /// Guessed time until the end; `None` while there is nothing to guess from.
     pub remaining: Option<Duration>,
+    /// The noise, where it was asked for.
+    pub noise: Option<NoiseProgress>,
 }
 
 /// How much of the past counts as "lately", as a share of the time elapsed. Long enough to smooth over passes,
@@ -76,6 +91,7 @@ impl Estimator {
             rays_per_second,
             converged_fraction: converged,
             remaining: self.remaining(before, now, rate).map(Duration::from_secs_f64),
+            noise: None,
         }
     }
 

@@ -47,6 +47,20 @@ impl Sampling {
     }
 }
 
+/// When a picture is good enough.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// When its noise ([`crate::noise::Noise`]) is that share of white, above 0: 0.01 for 1 %. Only with
+    /// [`Sampling::Quietus`] and [`Sampling::Uniform`].
+    Noise(f64),
+    /// When the policy says so at this region error, in the library's units, above 0. Uniform sampling has none, and
+    /// goes to [`RenderSettings::max_samples`].
+    TargetError(f64),
+    /// Never: it is to be as good as [`RenderSettings::time_limit`] allows, and [`RenderSettings::max_samples`]. Only
+    /// with [`Sampling::Quietus`] and [`Sampling::Uniform`].
+    Limits,
+}
+
 /// Settings of one render.
 #[derive(Clone, Debug)]
 pub struct RenderSettings {
@@ -56,13 +70,14 @@ pub struct RenderSettings {
     pub window: Window,
     /// How samples are spread.
     pub sampling: Sampling,
-    /// Region error asked for, in the library's units, above 0.
-    pub target_error: f64,
+    /// When it is good enough.
+    pub goal: Goal,
     /// Samples every pixel gets, at least.
     pub min_samples: u32,
     /// Samples no pixel exceeds; with [`Sampling::Uniform`] what every pixel gets.
     pub max_samples: u32,
-    /// Stop at the first visit boundary after this time.
+    /// Ends the render after this time in any case. For the goals [`Goal::Noise`] and [`Goal::Limits`] samples are dealt
+    /// so that the picture is finished by then.
     pub time_limit: Option<Duration>,
     /// Threads that render.
     pub threads: NonZeroUsize,
@@ -95,16 +110,23 @@ impl Default for Machinery {
     }
 }
 
+impl Sampling {
+    /// Whether it can be told in advance what more samples will bring, so that noise and time can be asked for.
+    pub fn can_forecast(self) -> bool {
+        matches!(self, Self::Quietus | Self::Uniform)
+    }
+}
+
 impl RenderSettings {
-    /// The same in the library's terms, for pixels of `replicates` replicates.
-    pub(crate) fn library(&self, replicates: u32) -> quietus::Settings {
+    /// The same in the library's terms, for pixels of `replicates` replicates, to a region error of `target_error`.
+    pub(crate) fn library(&self, replicates: u32, target_error: f64) -> quietus::Settings {
         let Window { x0, y0, x1, y1 } = self.window;
         let uniform = self.sampling == Sampling::Uniform;
         quietus::Settings {
             crop: Some(PixelRect::new(x0, y0, x1, y1)),
             regions_per_axis: self.machinery.regions_per_axis,
             policy: self.sampling.policy(),
-            target_error: self.target_error,
+            target_error,
             // Uniform sampling ends at the maximum and asks nobody before.
             min_samples: if uniform { self.max_samples } else { self.min_samples },
             max_samples: self.max_samples,

@@ -1,9 +1,13 @@
 //! Figures of a finished render.
 
-use quietus::RebuildRecord;
+use std::time::Duration;
+
+use quietus::{AdaptiveSampling, RebuildRecord};
+use quietus_film::Film;
 use serde::Serialize;
 
 use crate::noise::Noise;
+use crate::process;
 
 /// Percentiles of the samples per pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -101,6 +105,8 @@ pub struct Statistics {
     pub reopened_pixels: u64,
     /// Regions that were complete in a tree and active in the next.
     pub reopened_regions: u64,
+    /// The noise asked for, in percent of white; absent where none was.
+    pub noise_asked: Option<f64>,
     /// Root mean square error of the finished picture in display space, in percent of white, measured by samples that
     /// decided nothing ([`crate::noise`]); absent where it was not measured.
     pub noise_reached: Option<f64>,
@@ -108,6 +114,10 @@ pub struct Statistics {
     pub noise_low: Option<f64>,
     /// Upper end.
     pub noise_high: Option<f64>,
+    /// Samples drawn to measure the noise; they are not in the picture, nor in `samples`.
+    pub noise_samples: u64,
+    /// Rounds of sampling, each to a target that the ones before have set.
+    pub rounds: u32,
     /// Samples rejected because they were not finite.
     pub nonfinite_samples: u64,
     /// Most memory held at once, in bytes; absent where the system does not tell.
@@ -121,6 +131,73 @@ impl Statistics {
         self.noise_reached = percent(noise.reached);
         self.noise_low = percent(noise.low);
         self.noise_high = percent(noise.high);
+    }
+}
+
+/// Sums over the rounds of a render.
+#[derive(Default)]
+pub(crate) struct Totals {
+    /// Of the rounds that are over. The rebuilds of each region are numbered anew in each.
+    sampling: quietus::Statistics,
+    rounds: u32,
+    /// Samples that measured the noise.
+    pub(crate) noise_samples: u64,
+}
+
+impl Totals {
+    /// Adds a round that is over.
+    pub(crate) fn add(&mut self, sampling: &AdaptiveSampling) {
+        let round = sampling.statistics();
+        let all = &mut self.sampling;
+        all.visits += round.visits;
+        all.skips += round.skips;
+        all.passes += round.passes;
+        all.rebuilds.extend(round.rebuilds);
+        all.lock_wait_nanoseconds += round.lock_wait_nanoseconds;
+        all.idle_nanoseconds += round.idle_nanoseconds;
+        all.reopened_pixels += round.reopened_pixels;
+        all.reopened_regions += round.reopened_regions;
+        self.rounds += 1;
+    }
+
+    /// The figures of a render that took `wall` with `threads` threads and ended with `sampling` and `film`. Samples, rays
+    /// and noise are not among them.
+    pub(crate) fn statistics(
+        &self,
+        sampling: &AdaptiveSampling,
+        film: &Film,
+        threads: usize,
+        wall: Duration,
+    ) -> Statistics {
+        let all = &self.sampling;
+        let thread_seconds = wall.as_secs_f64() * threads as f64;
+        let share = |nanoseconds: u64| nanoseconds as f64 * 1e-9 / thread_seconds.max(1e-9);
+        let milliseconds = |nanoseconds: u64| nanoseconds as f64 * 1e-6;
+        let rejected_pixels = sampling.rejected_pixels();
+        let pixels = sampling.grid().rect().area() as f64;
+        Statistics {
+            wall_seconds: wall.as_secs_f64(),
+            per_pixel: SampleStatistics::of(&film.sample_counts()),
+            passes: all.passes,
+            converged_fraction: (sampling.converged_fraction() - rejected_pixels as f64 / pixels).max(0.0),
+            rejected_pixels,
+            rebuilds: all.rebuilds.len(),
+            rebuild_ms_median: milliseconds(all.rebuild_nanoseconds_median()),
+            rebuild_ms_max: all.slowest_rebuild().map_or(0.0, |rebuild| milliseconds(rebuild.nanoseconds)),
+            rebuild_log: all.rebuilds.iter().take(MOST_LOGGED).map(LoggedRebuild::new).collect(),
+            tree_nodes_max: all.rebuilds.iter().map(|rebuild| rebuild.nodes).max().unwrap_or(0),
+            lock_wait_fraction: share(all.lock_wait_nanoseconds),
+            idle_fraction: share(all.idle_nanoseconds),
+            visits: all.visits,
+            skips: all.skips,
+            reopened_pixels: all.reopened_pixels,
+            reopened_regions: all.reopened_regions,
+            noise_samples: self.noise_samples,
+            rounds: self.rounds,
+            nonfinite_samples: film.rejected().count(),
+            peak_rss_bytes: process::peak_rss_bytes(),
+            ..Statistics::default()
+        }
     }
 }
 

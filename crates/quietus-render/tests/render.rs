@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use glam::Vec3;
 use quietus_film::{Picture, Window};
 use quietus_render::{
-    Control, Fault, Machinery, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, Tracer, render,
-    shown_error,
+    Control, Fault, Goal, Machinery, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, Tracer,
+    render, shown_error,
 };
 use quietus_trace::tile::{PixelWork, Sample, SampleSink, TileCounts};
 
@@ -53,7 +53,7 @@ fn settings(width: u32, height: u32, sampling: Sampling) -> RenderSettings {
         frame: [width, height],
         window: Window { x0: 0, y0: 0, x1: width, y1: height },
         sampling,
-        target_error: 0.0015,
+        goal: Goal::TargetError(0.0015),
         min_samples: 8,
         max_samples: 200,
         time_limit: None,
@@ -249,7 +249,74 @@ fn settings_out_of_range_are_errors() {
         Err(RenderError::Layout(_))
     ));
     assert!(matches!(
-        draw(&Func(noise), &RenderSettings { target_error: f64::NAN, ..settings }),
+        draw(&Func(noise), &RenderSettings { goal: Goal::TargetError(f64::NAN), ..settings }),
         Err(RenderError::Settings(_))
     ));
+}
+
+/// Root mean square error against the known truth, as displayed.
+fn true_noise(rendered: &Rendered, truth: impl Fn(u32, u32) -> f32) -> f64 {
+    let picture = rendered.film.picture(quietus_render::shown_error);
+    let window = rendered.film.layout().window();
+    let pixels = (window.y0..window.y1).flat_map(|y| (window.x0..window.x1).map(move |x| (x, y)));
+    let square = pixels
+        .zip(&picture.beauty)
+        .map(|((x, y), rgb)| (f64::from(rgb[0]).sqrt() - f64::from(truth(x, y)).sqrt()).powi(2));
+    (square.sum::<f64>() / window.pixels() as f64).sqrt()
+}
+
+#[test]
+fn noise_is_reached_with_any_number_of_threads() {
+    let asked = |noise, sampling, threads| {
+        let goal = Goal::Noise(noise);
+        let threads = NonZeroUsize::new(threads).unwrap();
+        let settings = RenderSettings { goal, threads, max_samples: 1 << 20, ..settings(48, 40, sampling) };
+        draw(&Func(noise_to_the_right), &settings).unwrap()
+    };
+    for sampling in [Sampling::Quietus, Sampling::Uniform] {
+        for noise in [0.012, 0.006] {
+            let rendered = asked(noise, sampling, 2);
+            let truth = true_noise(&rendered, |_, _| 0.25);
+            let reached = rendered.noise.unwrap();
+            // What is to come out at all scenes; here it is one run of each.
+            assert!((0.85..1.15).contains(&(truth / noise)), "{sampling:?}, asked {noise}, {truth}");
+            assert!(reached.low / noise < 1.15 && reached.high / noise > 0.85, "{reached:?}");
+            assert_eq!((rendered.stopped_by, rendered.bound), (StoppedBy::Done, None));
+            let again = asked(noise, sampling, 3);
+            assert!(rendered.film.sample_counts() == again.film.sample_counts(), "{sampling:?}");
+            assert_eq!(rendered.noise, again.noise, "{sampling:?}");
+        }
+    }
+}
+
+/// Grey with noise that grows to the right.
+fn noise_to_the_right(run: &PixelWork, index: u32) -> Sample {
+    grey(0.25 * (1.0 + (random(run, index) - 0.5) * run.x as f32 / 24.0))
+}
+
+#[test]
+fn limits_of_samples_that_keep_the_noise_from_what_was_asked_are_said() {
+    let asked = |noise, min_samples, max_samples| {
+        let goal = Goal::Noise(noise);
+        let settings =
+            RenderSettings { goal, min_samples, max_samples, ..settings(48, 40, Sampling::Quietus) };
+        draw(&Func(noise_to_the_right), &settings).unwrap()
+    };
+    let rendered = asked(0.001, 16, 64);
+    assert_eq!(rendered.bound, Some(quietus_render::Bound::MaxSamples));
+    let reached = rendered.noise.unwrap().reached;
+    assert!((0.85..1.15).contains(&(true_noise(&rendered, |_, _| 0.25) / reached)));
+    let rendered = asked(0.2, 16, 64);
+    assert_eq!(rendered.bound, Some(quietus_render::Bound::MinSamples));
+    assert!(rendered.film.sample_counts().iter().all(|&count| count < 30));
+}
+
+#[test]
+fn noise_is_refused_where_it_cannot_be_steered_for() {
+    for (sampling, goal) in [(Sampling::Unbiased, Goal::Noise(0.01)), (Sampling::Talk, Goal::Limits)] {
+        let settings = RenderSettings { goal, ..settings(8, 8, sampling) };
+        assert!(matches!(draw(&Func(noise), &settings), Err(RenderError::Goal { .. })), "{sampling:?}");
+    }
+    let settings = RenderSettings { goal: Goal::Noise(f64::NAN), ..settings(8, 8, Sampling::Quietus) };
+    assert!(matches!(draw(&Func(noise), &settings), Err(RenderError::Noise(_))));
 }

@@ -1,14 +1,17 @@
 //! Draws the picked pixels again.
 
 use std::num::NonZeroUsize;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use quietus_film::{Film, Window};
 use quietus_trace::tile::{PixelWork, Sample, SampleSink};
 
-use super::{Finished, LEAST_PICKS, Noise, Pick, SHARE, estimate, pick};
+use super::{Effort, Finished, Noise, Pick, estimate, pick};
+use crate::crew;
+use crate::live::Live;
 use crate::pixel_errors::REPLICATES;
-use crate::run::Rendered;
+use crate::run::{Counters, RenderError, Rendered, lock};
 use crate::tracer::Tracer;
 
 /// Largest value that the film accepts.
@@ -22,37 +25,82 @@ pub fn measure_noise<T: Tracer>(
     threads: NonZeroUsize,
     cancel: &AtomicBool,
 ) -> Option<Noise> {
+    let counters: Vec<_> = (0..threads.get()).map(|_| Counters::default()).collect();
+    let picture = Copied::of(&rendered.film);
     let window = rendered.film.layout().window();
-    let picture = Copied::of(&rendered.film, window);
-    let samples: u64 = picture.counts.iter().map(|&count| u64::from(count)).sum();
-    if samples == 0 {
-        return None;
-    }
-    let finished = Finished {
-        width: window.width() as usize,
-        halves: &picture.halves,
-        means: &picture.means,
-        counts: &picture.counts,
-    };
-    let picks = pick(&finished, SHARE * samples as f64, LEAST_PICKS, uniform);
-    let mut fresh = vec![[[0.0; 3]; 2]; picks.len()];
-    let share = picks.len().div_ceil(threads.get());
-    std::thread::scope(|scope| {
-        for (picks, fresh) in picks.chunks(share).zip(fresh.chunks_mut(share)) {
-            scope.spawn(move || {
-                for (pick, fresh) in picks.iter().zip(fresh) {
-                    // Relaxed: the flag guards no data.
-                    if cancel.load(Ordering::Relaxed) {
-                        return;
-                    }
-                    *fresh = draw_again(tracer, window, pick);
-                }
-            });
-        }
-    });
-    let done = !cancel.load(Ordering::Relaxed);
-    done.then(|| estimate(&picture.means, &picks, &fresh))
+    let measuring =
+        Measuring { tracer, window, live: None, counters: &counters, number: 0, effort: Effort::REPORT };
+    // Relaxed: the flag guards no data.
+    let is_cancelled = || cancel.load(Ordering::Relaxed);
+    measuring.run(&picture, is_cancelled, || crew::WATCH_INTERVAL).ok().flatten()
 }
+
+/// How the noise of a picture is measured.
+pub(crate) struct Measuring<'a, T> {
+    pub(crate) tracer: &'a T,
+    pub(crate) window: Window,
+    pub(crate) live: Option<&'a Live>,
+    /// One for each thread.
+    pub(crate) counters: &'a [Counters],
+    /// Which measurement of this picture it is, from 0: each has random numbers of its own.
+    pub(crate) number: u32,
+    pub(crate) effort: Effort,
+}
+
+impl<T: Tracer> Measuring<'_, T> {
+    /// Measures the noise of a picture. `None` where it is cancelled, or nothing was drawn. `watch` is called meanwhile,
+    /// again and again, at intervals that it returns.
+    pub(crate) fn run(
+        &self,
+        picture: &Copied,
+        is_cancelled: impl Fn() -> bool + Sync,
+        watch: impl FnMut() -> crew::Interval,
+    ) -> Result<Option<Noise>, RenderError> {
+        if picture.counts.iter().all(|&count| count == 0) {
+            return Ok(None);
+        }
+        let salt = u64::from(self.number) << 32;
+        let picks = pick(&picture.finished(), self.effort, |index| uniform(salt + index));
+        let (next, fresh) = (AtomicUsize::new(0), Mutex::new(vec![[[0.0; 3]; 2]; picks.len()]));
+        let is_given_up = AtomicBool::new(false);
+        let work = |number: usize| {
+            let mut drawn = Vec::new();
+            // Relaxed: numbers and flags that guard no data.
+            while !is_cancelled() && !is_given_up.load(Ordering::Relaxed) {
+                if let Some(live) = self.live {
+                    live.pass_gate(&is_cancelled);
+                }
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                let Some(pick) = picks.get(index) else { break };
+                drawn.push((index, self.draw_again(pick, &self.counters[number])));
+            }
+            let mut fresh = lock(&fresh);
+            drawn.into_iter().for_each(|(index, values)| fresh[index] = values);
+        };
+        crew::run(self.counters.len(), work, || is_given_up.store(true, Ordering::Relaxed), watch)?;
+        let is_complete = next.load(Ordering::Relaxed) >= picks.len() && !is_cancelled();
+        Ok(is_complete.then(|| estimate(&picture.means, &picks, &lock(&fresh))))
+    }
+
+    /// Means of two replicates that the film has no samples of.
+    fn draw_again(&self, pick: &Pick, counters: &Counters) -> [[f32; 3]; 2] {
+        let width = self.window.width();
+        let (x, y) = (self.window.x0 + pick.pixel as u32 % width, self.window.y0 + pick.pixel as u32 / width);
+        // There are 256 replicates in all. Measurements of one picture share some only where they pick a pixel this
+        // often, as in the tiniest ones.
+        let pair = 1 + (REPEATS * self.number + pick.repeat) % 126;
+        [0, 1].map(|half| {
+            let replicate = (REPLICATES as u32 * pair + half) as u8;
+            let work = PixelWork { x, y, pixel: 0, replicate, first: 0, count: pick.samples };
+            let mut mean = Mean::default();
+            counters.add(pick.samples.into(), self.tracer.render_tile(&[work], &mut mean));
+            mean.sum.map(|sum| (sum / mean.count.max(1.0)) as f32)
+        })
+    }
+}
+
+/// Picks of one pixel in a measurement that are sure not to share samples with the next measurement.
+const REPEATS: u32 = 13;
 
 /// A number in 0..1 for every index: SplitMix (Steele, Lea and Flood 2014). Which pixels are drawn again need not
 /// depend on the seed: what they are drawn with does.
@@ -64,16 +112,25 @@ fn uniform(index: u64) -> f64 {
 }
 
 /// What the film holds, row by row over its window.
-struct Copied {
+pub(crate) struct Copied {
+    width: usize,
     halves: Vec<[[f32; 3]; 2]>,
     means: Vec<[f32; 3]>,
     counts: Vec<u32>,
 }
 
 impl Copied {
-    fn of(film: &Film, window: Window) -> Self {
+    /// The picture as it is displayed, and its halves.
+    pub(crate) fn finished(&self) -> Finished<'_> {
+        let Self { width, halves, means, counts } = self;
+        Finished { width: *width, halves, means, counts }
+    }
+
+    pub(crate) fn of(film: &Film) -> Self {
+        let window = film.layout().window();
         let pixels = window.pixels();
         let mut copied = Self {
+            width: window.width() as usize,
             halves: vec![[[0.0; 3]; 2]; pixels],
             means: vec![[0.0; 3]; pixels],
             counts: vec![0; pixels],
@@ -97,27 +154,6 @@ impl Copied {
         }
         copied
     }
-}
-
-/// Means of two replicates that the film has no samples of.
-fn draw_again<T: Tracer>(tracer: &T, window: Window, pick: &Pick) -> [[f32; 3]; 2] {
-    let (x, y) = (pick.pixel as u32 % window.width(), pick.pixel as u32 / window.width());
-    // There are 256 replicates in all; only in the tiniest pictures is a pixel picked 127 times.
-    let pair = 1 + pick.repeat % 126;
-    [0, 1].map(|half| {
-        let replicate = (REPLICATES as u32 * pair + half) as u8;
-        let work = PixelWork {
-            x: window.x0 + x,
-            y: window.y0 + y,
-            pixel: 0,
-            replicate,
-            first: 0,
-            count: pick.samples,
-        };
-        let mut mean = Mean::default();
-        tracer.render_tile(&[work], &mut mean);
-        mean.sum.map(|sum| (sum / mean.count.max(1.0)) as f32)
-    })
 }
 
 /// Sum of the samples that a film would accept.

@@ -12,6 +12,7 @@
 mod measure;
 
 pub use measure::measure_noise;
+pub(crate) use measure::{Copied, Measuring};
 use serde::{Deserialize, Serialize};
 
 /// Share of the picks that go by the difference of halves; the rest is spread evenly, so that no pixel counts more
@@ -21,11 +22,33 @@ const GUIDED: f64 = 0.75;
 /// Differences of halves are pooled over squares of this many pixels to either side.
 const POOL: usize = 2;
 
-/// Share of a render's samples that are drawn again to measure its noise.
-pub const SHARE: f64 = 0.02;
+/// How many samples are drawn again to measure the noise of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Effort {
+    /// Share of the picture's samples.
+    pub share: f64,
+    /// Picks that there should be at least: small pictures need a larger share for a useful interval,
+    pub picks: usize,
+    /// up to this one.
+    pub most_share: f64,
+}
 
-/// Pixels that are drawn again at least: small pictures need a larger share for a useful interval.
-pub const LEAST_PICKS: usize = 512;
+impl Effort {
+    /// For the report on a finished picture.
+    pub const REPORT: Self = Self { share: 0.02, picks: 1024, most_share: 0.15 };
+
+    /// On the way, to see how far it still is.
+    pub const STEP: Self = Self { share: 0.01, picks: 512, most_share: 0.1 };
+
+    /// Picks where each costs `cost` samples, of a picture of `samples` samples.
+    fn picks(self, samples: f64, cost: f64) -> usize {
+        let affordable = |share: f64| (share * samples / cost) as usize;
+        affordable(self.share).max(self.picks.min(affordable(self.most_share))).max(LEAST_PICKS)
+    }
+}
+
+/// Picks below which the interval means nothing, whatever they cost.
+const LEAST_PICKS: usize = 64;
 
 /// 97.5 % quantile of the normal distribution.
 const NORMAL_QUANTILE: f64 = 1.959_963_985;
@@ -40,6 +63,13 @@ pub struct Noise {
     pub low: f64,
     /// Upper end.
     pub high: f64,
+}
+
+impl Noise {
+    /// Standard deviation of the logarithm of the estimate.
+    pub(crate) fn log_deviation(&self) -> f64 {
+        (self.high / self.reached).ln() / NORMAL_QUANTILE
+    }
 }
 
 /// A value as it is displayed, with a gamma of 2.
@@ -72,12 +102,11 @@ pub struct Pick {
     weight: f64,
 }
 
-/// Picks pixels of a finished picture, `budget` samples in all and at least `least` pixels. `random` numbers (in 0..1,
-/// by index) decide; equal arguments give equal picks.
+/// Picks pixels of a finished picture. `random` numbers (in 0..1, by index) decide; equal arguments give equal picks.
 ///
 /// # Panics
 /// Where the picture is empty, or its parts differ in length.
-pub fn pick(picture: &Finished<'_>, budget: f64, least: usize, random: impl Fn(u64) -> f64) -> Vec<Pick> {
+pub fn pick(picture: &Finished<'_>, effort: Effort, random: impl Fn(u64) -> f64) -> Vec<Pick> {
     let pixels = picture.means.len();
     assert!(pixels > 0 && picture.halves.len() == pixels && picture.counts.len() == pixels, "a picture");
     let differences = pooled_differences(picture);
@@ -90,7 +119,8 @@ pub fn pick(picture: &Finished<'_>, budget: f64, least: usize, random: impl Fn(u
     // As many samples as the pixel has, over both replicates.
     let samples = |pixel: usize| picture.counts[pixel].div_ceil(2).max(1);
     let cost: f64 = chances.iter().enumerate().map(|(p, chance)| chance * 2.0 * f64::from(samples(p))).sum();
-    let picks = ((budget / cost) as usize).max(least).max(2);
+    let drawn: f64 = picture.counts.iter().map(|&count| f64::from(count)).sum();
+    let picks = effort.picks(drawn, cost);
     // One in each of as many equal parts of the cumulated chances: spread over the picture more evenly than picks
     // that know nothing of each other.
     let (mut pixel, mut below, mut repeat) = (0, 0.0, 0);
@@ -107,8 +137,8 @@ pub fn pick(picture: &Finished<'_>, budget: f64, least: usize, random: impl Fn(u
     (0..picks).map(pick).collect()
 }
 
-/// Squared displayed differences of halves, means over the pixels around.
-fn pooled_differences(picture: &Finished<'_>) -> Vec<f64> {
+/// Squared displayed differences of halves, means over the pixels around, summed over channels.
+pub(crate) fn pooled_differences(picture: &Finished<'_>) -> Vec<f64> {
     let (width, height) = (picture.width, picture.means.len() / picture.width);
     let square = |[a, b]: &[[f32; 3]; 2]| -> f64 {
         a.iter().zip(b).map(|(&a, &b)| (displayed(a) - displayed(b)).powi(2)).sum()
@@ -180,9 +210,9 @@ mod tests {
                 (0..1024).map(|p| [value(&random, p, 0, 0.004), value(&random, p, 1, 0.004)]).collect();
             let means: Vec<_> = (0..1024).map(|p| value(&random, p, 2, 0.01)).collect();
             let picture = Finished { width: 32, halves: &halves, means: &means, counts: &[64; 1024] };
-            let picks = pick(&picture, 16_032.0, 10, &random);
-            // Of 64 samples each, and half of one more, whatever the rounding.
-            assert_eq!(picks.len(), 250);
+            let picks = pick(&picture, Effort { share: 0.2501, picks: 0, most_share: 0.0 }, &random);
+            // As many samples each as the pixel has, and a little for rounding.
+            assert_eq!(picks.len(), 256);
             let fresh: Vec<_> = picks
                 .iter()
                 .map(|p| [0, 1].map(|i| value(&random, p.pixel, 4 + 2 * u64::from(p.repeat) + i, 0.014)))
@@ -203,7 +233,7 @@ mod tests {
             (0..1024).map(|p| [value(&random, p, 0, 0.01), value(&random, p, 1, 0.01)]).collect();
         let means: Vec<_> = halves.iter().map(|h| h[0]).collect();
         let picture = Finished { width: 32, halves: &halves, means: &means, counts: &[10; 1024] };
-        let picks = pick(&picture, 0.0, 400, &random);
+        let picks = pick(&picture, Effort { share: 0.0, picks: 400, most_share: 1.0 }, &random);
         let left = picks.iter().filter(|p| p.pixel % 32 < 14).count();
         assert_eq!(picks.len(), 400);
         // A quarter of all picks is spread over all columns, 14 of 32 of them are left: 44, and a few more or less.
@@ -216,7 +246,7 @@ mod tests {
     fn a_picture_without_noise_has_none() {
         let (halves, means) = (vec![[[0.5; 3]; 2]; 64], vec![[0.5; 3]; 64]);
         let picture = Finished { width: 8, halves: &halves, means: &means, counts: &[16; 64] };
-        let picks = pick(&picture, 1e3, 10, random(1));
+        let picks = pick(&picture, Effort::REPORT, random(1));
         let noise = estimate(&means, &picks, &vec![[[0.5; 3]; 2]; picks.len()]);
         assert_eq!(noise, Noise { reached: 0.0, low: 0.0, high: 0.0 });
     }

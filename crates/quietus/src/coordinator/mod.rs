@@ -51,7 +51,7 @@ pub struct AdaptiveSampling {
     progress: Box<[region::Progress]>,
     /// Passes before whose end no tree is made.
     untreed_passes: u64,
-    /// Passes of the sampling that this one goes on from.
+    /// The pass whose size the first one has.
     first_pass: u64,
     /// Whether it goes on from pixels below the minimum of samples.
     lacks_minimum: bool,
@@ -116,7 +116,7 @@ impl AdaptiveSampling {
             counters: Counters::default(),
             progress,
             untreed_passes: untreed_passes(&settings),
-            first_pass: start.map_or(0, |start| start.passes),
+            first_pass: start.map_or(0, |start| start.passes(&settings.pass_counts())),
             lacks_minimum: start.is_some_and(|start| start.is_below(settings.min_samples, &grid)),
             regions,
             settings,
@@ -196,6 +196,12 @@ impl AdaptiveSampling {
             pixels(stopped).filter(|&pixel| errors[usize::from(pixel)].is_rejected()).count() as u64
         };
         (0..self.grid().tiles()).map(rejected).sum()
+    }
+
+    /// The samples that each pixel of a tile is to have as of its home region's latest tree, over all replicates and row
+    /// by row; 0 outside the window. `None` where the policy deals no samples, or no tree was made yet.
+    pub fn quotas(&self, tile: u32) -> Option<[f32; TILE_PIXELS]> {
+        self.protocol.with_state(self.protocol.home(tile), |state| state.quotas(tile))
     }
 
     /// The latest tree of each region, `None` where the policy has none or it was not built yet.

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::{AdaptiveSampling, FinishRule, RebuildRecord, RegionState, Statistics};
 use crate::{
-    ErrorPlane, RegionTree, Regions,
+    ErrorPlane, RegionTree, Regions, TILE_PIXELS,
     policy::StoppingRule,
     protocol::{Misfit, Outcome, Update},
     striped_locks::nanoseconds_since,
@@ -91,6 +91,11 @@ impl Region {
 
     pub(super) fn tree(&self) -> Option<&RegionTree> {
         self.rule.tree().filter(|_| self.is_updated)
+    }
+
+    /// Samples that the pixels of a home tile are to have.
+    pub(super) fn quotas(&self, tile: u32) -> Option<[f32; TILE_PIXELS]> {
+        self.rule.quotas(tile).filter(|_| self.is_updated)
     }
 
     pub(super) fn add_to(&self, statistics: &mut Statistics) {

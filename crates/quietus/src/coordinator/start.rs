@@ -1,7 +1,7 @@
 //! Going on from where a sampling ended: with another target, nothing lost.
 
 use super::{AdaptiveSampling, Settings, SettingsError};
-use crate::{ErrorPlane, PixelError, Policy, SampleCounts, TILE_PIXELS, TileGrid};
+use crate::{ErrorPlane, PassCounts, PixelError, Policy, SampleCounts, TILE_PIXELS, TileGrid};
 
 /// What a sampling has come to, and another may start from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -11,8 +11,6 @@ pub struct Start {
     pub samples: Vec<u32>,
     /// The pixels' errors in the same order, in the metric of the policy that is to go on.
     pub errors: Vec<PixelError>,
-    /// Passes so far. They set the size of the next one for policies whose pixels go by the pass.
-    pub passes: u64,
 }
 
 impl Start {
@@ -23,7 +21,6 @@ impl Start {
         Self {
             samples: tiles.clone().flat_map(samples).collect(),
             errors: tiles.flat_map(|tile| sampling.errors(tile)).collect(),
-            passes: sampling.first_pass + sampling.passes(),
         }
     }
 
@@ -62,6 +59,17 @@ impl Start {
         (0..).zip(self.tiles()).any(|(tile, (_, samples))| {
             crate::active_mask::pixels(grid.full_mask(tile)).any(|p| samples[usize::from(p)] < minimum)
         })
+    }
+
+    /// The passes that would have brought a pixel drawn by all of them where the one with most samples is. They set the size
+    /// of the next pass for policies whose pixels go by it.
+    pub(super) fn passes(&self, counts: &PassCounts) -> u64 {
+        let most = self.samples.iter().copied().max().unwrap_or(0).min(counts.max_samples);
+        let (mut count, mut passes) = (0, 0);
+        while count < most {
+            (count, passes) = (counts.grown(count, passes), passes + 1);
+        }
+        passes
     }
 
     fn tiles(&self) -> impl Iterator<Item = (&[PixelError; TILE_PIXELS], &[u32; TILE_PIXELS])> {

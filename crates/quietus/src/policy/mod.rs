@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 use crate::{
     DammertzMetric, ErrorMetric, ErrorPlane, PassCounts, PixelRect, RegionTree, Regions, SampleNoise,
-    protocol::Misfit,
+    TILE_PIXELS, protocol::Misfit,
 };
 
 /// How sampling is steered.
@@ -98,6 +98,12 @@ pub trait StoppingRule: ActivePixels {
         Misfit::unless(*memory == RuleMemory::Nothing, "it is of another policy")?;
         self.update(errors);
         Ok(())
+    }
+
+    /// Samples that each pixel of one of the region's home tiles is to have, row by row, where the policy deals samples;
+    /// 0 outside the window.
+    fn quotas(&self, _tile: u32) -> Option<[f32; TILE_PIXELS]> {
+        None
     }
 
     /// The tree, where the policy has one.

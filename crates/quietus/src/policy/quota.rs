@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use super::{ActivePixels, HomeMasks, Rebuild, RuleSettings, StoppingRule};
 use crate::{
-    Area, ErrorPlane, PixelError, PixelRect, RegionTree,
+    Area, ErrorPlane, PixelError, PixelRect, RegionTree, TILE_PIXELS, TILE_SIZE,
     error_metric::NOMINAL_SAMPLES,
     region_tree::{Grown, MIN_SIDE, Split, split_position},
     summed_area::{ErrorSums, Resummed, SummedArea},
@@ -172,6 +172,19 @@ impl StoppingRule for QuotaRule {
 
     fn is_complete(&self) -> bool {
         self.tree.is_complete()
+    }
+
+    fn quotas(&self, tile: u32) -> Option<[f32; TILE_PIXELS]> {
+        let rect = self.masks.regions.grid().tile_rect(tile);
+        let mut quotas = [0.0; TILE_PIXELS];
+        for y in rect.y0..rect.y1 {
+            for x in rect.x0..rect.x1 {
+                let place = (y - rect.y0) * TILE_SIZE + x - rect.x0;
+                // Before the first update there are none.
+                quotas[place as usize] = *self.quotas.quotas.get(self.quotas.index(x, y))?;
+            }
+        }
+        Some(quotas)
     }
 
     fn tree(&self) -> Option<&RegionTree> {

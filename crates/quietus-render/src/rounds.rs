@@ -1,0 +1,284 @@
+//! A render: rounds of sampling over one film, each to a target that the ones before have set.
+//!
+//! A round is one [`AdaptiveSampling`] that runs until it is done; the next goes on from there with larger quotas.
+//! Between rounds the [`Steering`] looks at the film, and at noise that is measured with fresh samples, and says how
+//! much larger. A goal that needs none of this has one round.
+//!
+//! Nothing here depends on threads: with a goal that does not depend on time, the picture does not either.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use quietus::{AdaptiveSampling, Start};
+use quietus_film::{Film, Layout};
+
+use crate::crew;
+use crate::live::Live;
+use crate::noise::{Copied, Effort, Measuring, Noise};
+use crate::pixel_errors::REPLICATES;
+use crate::process;
+use crate::progress::Estimator;
+use crate::run::{Control, Counters, RenderError, Rendered, Round, StoppedBy, Watched};
+use crate::settings::{Goal, RenderSettings, Sampling};
+use crate::statistics::Totals;
+use crate::steering::{Aim, Steering, TimeLeft, Verdict};
+use crate::tracer::Tracer;
+
+/// Renders until the goal is reached, the time is up or the caller cancels.
+///
+/// # Errors
+/// When frame or window are out of range, the way of sampling cannot be steered for the goal, a thread cannot be
+/// started, or the tracer panics.
+pub fn render<T: Tracer>(
+    tracer: &T,
+    settings: &RenderSettings,
+    control: &mut Control<'_>,
+) -> Result<Rendered, RenderError> {
+    check(settings)?;
+    let (start, cpu_start) = (Instant::now(), process::cpu_time());
+    let layout = Layout::new(settings.frame, settings.window, REPLICATES)?;
+    let pixels = settings.window.pixels() as u64;
+    let most = pixels as f64 * f64::from(settings.max_samples);
+    let rounds = Rounds {
+        tracer,
+        settings,
+        film: Film::new(layout),
+        counters: (0..settings.threads.get()).map(|_| Counters::default()).collect(),
+        start,
+        estimator: Estimator::new(pixels, Some(most), settings.time_limit),
+        steering: Steering::new(settings),
+        totals: Totals::default(),
+        measurements: 0,
+    };
+    rounds.run(control, cpu_start)
+}
+
+/// Whether the goal makes sense.
+fn check(settings: &RenderSettings) -> Result<(), RenderError> {
+    let goal = match settings.goal {
+        Goal::TargetError(_) => return Ok(()),
+        Goal::Noise(noise) if !(noise > 0.0 && noise.is_finite()) => return Err(RenderError::Noise(noise)),
+        Goal::Noise(_) => "noise",
+        Goal::Limits => "a time",
+    };
+    match settings.sampling.can_forecast() {
+        true => Ok(()),
+        false => Err(RenderError::Goal { sampling: settings.sampling, goal }),
+    }
+}
+
+struct Rounds<'a, T> {
+    tracer: &'a T,
+    settings: &'a RenderSettings,
+    film: Film,
+    counters: Vec<Counters>,
+    start: Instant,
+    estimator: Estimator,
+    steering: Steering,
+    totals: Totals,
+    /// Measurements of the noise so far.
+    measurements: u32,
+}
+
+impl<T: Tracer> Rounds<'_, T> {
+    fn run(
+        mut self,
+        control: &mut Control<'_>,
+        cpu_start: Option<Duration>,
+    ) -> Result<Rendered, RenderError> {
+        let mut aim = self.steering.first();
+        let mut sampling = AdaptiveSampling::new(self.library(&aim))?;
+        let stopped_by = loop {
+            let clock = self.clock(control);
+            let (start, before) = (clock.elapsed(), Counters::sum(&self.counters)[0]);
+            let stopped_by = self.round(&sampling, control)?;
+            let drawn = Counters::sum(&self.counters)[0] - before;
+            let pace = drawn as f64 / clock.elapsed().saturating_sub(start).as_secs_f64().max(1e-9);
+            self.totals.add(&sampling);
+            // It may have finished just when it was told to stop.
+            if stopped_by != StoppedBy::Done && !sampling.is_finished() {
+                break stopped_by;
+            }
+            match self.decide(&sampling, &aim, pace, control)? {
+                Decision::Stop(stopped_by) => break stopped_by,
+                Decision::GoOn(next) => aim = next,
+            }
+            sampling = AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?;
+        };
+        let cpu = cpu_start.zip(process::cpu_time()).map(|(before, after)| after.saturating_sub(before));
+        let [samples, rays] = Counters::sum(&self.counters);
+        let wall = self.clock(control).elapsed();
+        let mut statistics = self.totals.statistics(&sampling, &self.film, self.counters.len(), wall);
+        (statistics.cpu_seconds, statistics.samples, statistics.rays) =
+            (cpu.map(|cpu| cpu.as_secs_f64()), samples, rays);
+        let noise = self.steering.reported();
+        noise.into_iter().for_each(|noise| statistics.set_noise(noise));
+        statistics.noise_asked = self.steering.asked().map(|asked| 100.0 * asked);
+        Ok(Rendered {
+            film: self.film,
+            sampling,
+            statistics,
+            stopped_by,
+            noise,
+            bound: self.steering.bound(),
+        })
+    }
+
+    fn library(&self, aim: &Aim) -> quietus::Settings {
+        let limited = match self.settings.sampling {
+            Sampling::Uniform => RenderSettings { max_samples: aim.samples, ..self.settings.clone() },
+            _ => self.settings.clone(),
+        };
+        limited.library(REPLICATES as u32, aim.target_error)
+    }
+
+    fn clock<'c>(&self, control: &Control<'c>) -> Clock<'c> {
+        Clock { start: self.start, limit: self.settings.time_limit, live: control.live }
+    }
+
+    /// Draws until the sampling is done, or has to stop.
+    fn round(
+        &mut self,
+        sampling: &AdaptiveSampling,
+        control: &mut Control<'_>,
+    ) -> Result<StoppedBy, RenderError> {
+        let mut stopped_by = StoppedBy::Done;
+        let clock = self.clock(control);
+        let (estimator, counters, film) = (&mut self.estimator, &self.counters, &self.film);
+        let noise = self.steering.progress();
+        let round = Round { tracer: self.tracer, film, sampling, live: control.live, counters };
+        let watch = || {
+            if stopped_by == StoppedBy::Done
+                && let Some(reason) = clock.stops(control)
+            {
+                stopped_by = reason;
+                sampling.stop();
+            }
+            let [samples, rays] = Counters::sum(counters);
+            let mut progress =
+                estimator.reading(clock.elapsed(), samples, rays, sampling.converged_fraction());
+            progress.noise = noise;
+            (control.watch)(&Watched { progress, film, sampling });
+            clock.interval()
+        };
+        round.run(watch)?;
+        Ok(stopped_by)
+    }
+
+    /// What to do after a round that reached its aim.
+    fn decide(
+        &mut self,
+        sampling: &AdaptiveSampling,
+        aim: &Aim,
+        pace: f64,
+        control: &mut Control<'_>,
+    ) -> Result<Decision, RenderError> {
+        if !self.steering.has_rounds() {
+            return Ok(Decision::Stop(StoppedBy::Done));
+        }
+        let picture = Copied::of(&self.film);
+        let forecast = self.steering.look(&picture, sampling);
+        if self.steering.asked().is_some() {
+            let effort = if aim.is_last { Effort::REPORT } else { Effort::STEP };
+            match self.measure(&picture, effort, sampling, control)? {
+                Ok(noise) => self.steering.take(noise, &forecast),
+                Err(stopped_by) => return Ok(Decision::Stop(stopped_by)),
+            }
+        }
+        let time = TimeLeft {
+            limit: self.settings.time_limit,
+            elapsed: self.clock(control).elapsed(),
+            samples: sampling.counts().total() as f64,
+            pace,
+        };
+        Ok(match self.steering.verdict(aim, &forecast, &time) {
+            Verdict::Finished => Decision::Stop(StoppedBy::Done),
+            Verdict::GoOn(aim) => Decision::GoOn(aim),
+            Verdict::MeasureAgain => match self.measure(&picture, Effort::REPORT, sampling, control)? {
+                Ok(noise) => {
+                    self.steering.take_report(noise);
+                    Decision::Stop(StoppedBy::Done)
+                }
+                Err(stopped_by) => Decision::Stop(stopped_by),
+            },
+        })
+    }
+
+    /// Measures the noise of the film. Where that is cut short: why.
+    fn measure(
+        &mut self,
+        picture: &Copied,
+        effort: Effort,
+        sampling: &AdaptiveSampling,
+        control: &mut Control<'_>,
+    ) -> Result<Result<Noise, StoppedBy>, RenderError> {
+        let clock = self.clock(control);
+        let (window, number) = (self.film.layout().window(), self.measurements);
+        self.measurements += 1;
+        let counters: Vec<_> = self.counters.iter().map(|_| Counters::default()).collect();
+        let measuring = Measuring {
+            tracer: self.tracer,
+            window,
+            live: control.live,
+            counters: &counters,
+            number,
+            effort,
+        };
+        let cancel = control.cancel;
+        let (estimator, drawn, noise) = (&mut self.estimator, &self.counters, self.steering.progress());
+        let film = &self.film;
+        let watch = || {
+            let [samples, rays] = Counters::sum(drawn);
+            let mut progress =
+                estimator.reading(clock.elapsed(), samples, rays, sampling.converged_fraction());
+            progress.noise = noise;
+            (control.watch)(&Watched { progress, film, sampling });
+            clock.interval()
+        };
+        // Relaxed: the flag guards no data.
+        let is_cancelled = || cancel.load(Ordering::Relaxed) || clock.is_late();
+        let measured = measuring.run(picture, is_cancelled, watch)?;
+        self.totals.noise_samples += Counters::sum(&counters)[0];
+        Ok(measured.ok_or_else(|| clock.stops(control).unwrap_or(StoppedBy::Done)))
+    }
+}
+
+enum Decision {
+    Stop(StoppedBy),
+    GoOn(Aim),
+}
+
+/// The time there is.
+#[derive(Clone, Copy)]
+struct Clock<'a> {
+    start: Instant,
+    limit: Option<Duration>,
+    live: Option<&'a Live>,
+}
+
+impl Clock<'_> {
+    /// Time since the render began, without pauses.
+    fn elapsed(&self) -> Duration {
+        self.start.elapsed().saturating_sub(self.live.map_or(Duration::ZERO, Live::paused_for))
+    }
+
+    fn is_late(&self) -> bool {
+        self.limit.is_some_and(|limit| self.elapsed() >= limit)
+    }
+
+    /// Why to stop now, if so.
+    fn stops(&self, control: &Control<'_>) -> Option<StoppedBy> {
+        // Relaxed: the flag guards no data.
+        if control.cancel.load(Ordering::Relaxed) {
+            return Some(StoppedBy::Cancelled);
+        }
+        self.is_late().then_some(StoppedBy::TimeLimit)
+    }
+
+    /// Time until somebody should look again.
+    fn interval(&self) -> crew::Interval {
+        let left = self.limit.map(|limit| limit.saturating_sub(self.elapsed()));
+        left.filter(|left| !left.is_zero())
+            .map_or(crew::WATCH_INTERVAL, |left| left.min(crew::WATCH_INTERVAL))
+    }
+}

@@ -1,0 +1,313 @@
+//! What the next round aims at: from what was asked for, what was measured, and what more samples will bring.
+//!
+//! **Noise.** After each round the noise is measured with fresh samples. How it falls with larger quotas is forecast from
+//! the difference of halves, pixel by pixel, and the exponent of the fall is learnt from round to round. Far from the goal a
+//! round multiplies the samples; then one goes half of the way, in samples, and the last one all of it. The last round is
+//! decided *before* it is measured, and the report is that measurement: it has no part in the decision. Only where all of its
+//! 95 % interval lies above the goal does another round follow, with a measurement of its own. Stopping at the first
+//! measurement that happens to be low enough would make reports too good.
+//!
+//! **Time.** Each round is dealt what fits into a good half of the time that is left, at the speed of the one before, until
+//! little is left; the last one is dealt more than fits, and is cut off.
+
+use std::time::Duration;
+
+use quietus::AdaptiveSampling;
+
+use crate::forecast::{Ahead, Forecast, even};
+use crate::noise::{Copied, Noise};
+use crate::pixel_errors::REPLICATES;
+use crate::progress::NoiseProgress;
+use crate::run::Bound;
+use crate::settings::{Goal, RenderSettings, Sampling};
+
+/// Target error of the first round: no quota is above the minimum of samples.
+const FIRST_TARGET: f64 = 1e3;
+
+/// Target error below which every pixel goes to its maximum.
+const ALL_TO_MAXIMUM: f64 = 1e-12;
+
+/// Most that a round multiplies the samples by.
+const LARGEST_STEP: f64 = 4.0;
+
+/// Where the goal is further away than that, in samples, one goes half of the way first.
+const LAST_STEP: f64 = 2.2;
+
+/// The noise to aim at, over that asked for: a little less, so that the goal is not missed by a hair half of the time.
+const AIM: f64 = 0.985;
+
+/// Rounds after which the noise is what it is: no scene needs half as many.
+const MOST_ROUNDS: u32 = 24;
+
+/// Steps that change so little are not worth a round.
+const SMALLEST_STEP: f64 = 1.01;
+
+/// Share of the time left that a round is dealt.
+const SHARE_OF_TIME: f64 = 0.6;
+
+/// Share of all time in which the last round is dealt, and cut off.
+const CUT_OFF: f64 = 0.06;
+
+/// What a round aims at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Aim {
+    /// Target error for the library.
+    pub(crate) target_error: f64,
+    /// Samples per pixel, with uniform sampling.
+    pub(crate) samples: u32,
+    /// Whether this should be where it ends.
+    pub(crate) is_last: bool,
+}
+
+/// What is to be done after a round.
+pub(crate) enum Verdict {
+    /// Nothing: the picture is as it was asked for, or as it can be.
+    Finished,
+    /// Another round.
+    GoOn(Aim),
+    /// The picture is done; the measurement that says so decided it, so that the report needs another one.
+    MeasureAgain,
+}
+
+/// What is known of the noise, and what follows from it.
+pub(crate) struct Steering {
+    settings: RenderSettings,
+    /// Rounds so far.
+    rounds: u32,
+    /// The noise measured last, and whether it may be reported.
+    measured: Option<(Noise, bool)>,
+    calibration: Calibration,
+    /// The squared error falls as samples to the power of minus this.
+    fall: f64,
+    /// As of the end of the round before.
+    before: Option<Forecast>,
+    bound: Option<Bound>,
+    /// The noise it will end with, where that is not the one asked for.
+    expected: Option<f64>,
+}
+
+impl Steering {
+    pub(crate) fn new(settings: &RenderSettings) -> Self {
+        Self {
+            settings: settings.clone(),
+            rounds: 0,
+            measured: None,
+            calibration: Calibration::default(),
+            fall: 1.0,
+            before: None,
+            bound: None,
+            expected: None,
+        }
+    }
+
+    /// What the first round aims at.
+    pub(crate) fn first(&self) -> Aim {
+        let RenderSettings { goal, min_samples, max_samples, .. } = self.settings;
+        match goal {
+            Goal::TargetError(target_error) => Aim { target_error, samples: max_samples, is_last: true },
+            Goal::Limits if !self.has_rounds() => {
+                Aim { target_error: ALL_TO_MAXIMUM, samples: max_samples, is_last: true }
+            }
+            Goal::Noise(_) | Goal::Limits => {
+                Aim { target_error: FIRST_TARGET, samples: min_samples.max(1), is_last: false }
+            }
+        }
+    }
+
+    /// Whether there may be more than one round.
+    pub(crate) fn has_rounds(&self) -> bool {
+        match self.settings.goal {
+            Goal::Noise(_) => true,
+            // Uniform sampling is as good as it gets at any time.
+            Goal::Limits => self.settings.sampling == Sampling::Quietus && self.settings.time_limit.is_some(),
+            Goal::TargetError(_) => false,
+        }
+    }
+
+    /// The noise asked for.
+    pub(crate) fn asked(&self) -> Option<f64> {
+        match self.settings.goal {
+            Goal::Noise(noise) => Some(noise),
+            Goal::TargetError(_) | Goal::Limits => None,
+        }
+    }
+
+    /// The measurement to report.
+    pub(crate) fn reported(&self) -> Option<Noise> {
+        self.measured.filter(|(_, is_report)| *is_report).map(|(noise, _)| noise)
+    }
+
+    /// What keeps the picture from what was asked for.
+    pub(crate) fn bound(&self) -> Option<Bound> {
+        self.bound
+    }
+
+    /// What a watcher is told.
+    pub(crate) fn progress(&self) -> Option<NoiseProgress> {
+        let measured = self.measured.map(|(noise, _)| noise);
+        self.asked().map(|asked| NoiseProgress { asked, measured, expected: self.expected })
+    }
+
+    /// Looks at the picture at the end of a round.
+    pub(crate) fn look(&mut self, picture: &Copied, sampling: &AdaptiveSampling) -> Forecast {
+        self.rounds += 1;
+        let counts = self.settings.library(REPLICATES as u32, FIRST_TARGET).pass_counts();
+        let now = Forecast::new(&picture.finished(), sampling, counts);
+        if let Some(fall) = self.before.as_ref().and_then(|before| before.fall_to(&now)) {
+            self.fall = 0.5 * (self.fall + fall.clamp(0.6, 1.6));
+        }
+        let now = now.with_fall(self.fall);
+        self.before = Some(now.clone());
+        now
+    }
+
+    /// Takes in a measurement; whether it may be reported depends on what follows.
+    pub(crate) fn take(&mut self, noise: Noise, forecast: &Forecast) {
+        self.measured = Some((noise, false));
+        self.calibration.take(noise, forecast.square);
+    }
+
+    /// What is to be done after the round that aimed at `aim`.
+    pub(crate) fn verdict(&mut self, aim: &Aim, forecast: &Forecast, time: &TimeLeft) -> Verdict {
+        let (next, is_last) = match self.asked() {
+            Some(asked) => match self.next_for_noise(asked, aim, forecast) {
+                Ok(next) => next,
+                Err(verdict) => return verdict,
+            },
+            None => (forecast.limit(), true),
+        };
+        let (next, is_last) = match time.fitting(forecast) {
+            None => return Verdict::Finished,
+            Some((fits, is_over)) if fits.samples < next.samples => (fits, is_over),
+            Some(_) => (next, is_last),
+        };
+        Verdict::GoOn(Aim {
+            target_error: aim.target_error / next.factor,
+            samples: even(f64::from(aim.samples) * next.factor),
+            is_last,
+        })
+    }
+
+    /// The next step towards the noise asked for, and whether it is the last.
+    fn next_for_noise(
+        &mut self,
+        asked: f64,
+        aim: &Aim,
+        forecast: &Forecast,
+    ) -> Result<(Ahead, bool), Verdict> {
+        let Some((measured, _)) = self.measured else { return Err(Verdict::Finished) };
+        let is_missed = measured.low > asked && self.rounds < MOST_ROUNDS;
+        if aim.is_last && !is_missed {
+            return Err(self.finish(measured));
+        }
+        let square = self.calibration.square(forecast.square);
+        let goal = (AIM * asked).powi(2) / square;
+        let best = forecast.limit();
+        let reach = forecast.least(|ahead| ahead.square <= goal);
+        // Where it is out of reach: almost as far as one gets, as the rest would go to pixels that hardly matter.
+        let reach = reach.or_else(|| {
+            self.bound = Some(Bound::MaxSamples);
+            self.expected = Some((square * best.square).sqrt());
+            forecast.least(|ahead| ahead.square <= 1.005 * best.square)
+        });
+        let Some(reach) = reach.filter(|reach| reach.samples > SMALLEST_STEP) else {
+            return Err(self.finish_early(measured, asked, aim));
+        };
+        if reach.samples <= LAST_STEP {
+            return Ok((reach, true));
+        }
+        let step = LARGEST_STEP.min(0.5 * reach.samples);
+        let step = forecast.least(|ahead| ahead.samples >= step).unwrap_or(reach);
+        Ok((step, false))
+    }
+
+    fn finish(&mut self, measured: Noise) -> Verdict {
+        self.measured = Some((measured, true));
+        Verdict::Finished
+    }
+
+    /// The goal is reached before a round was meant to be the last.
+    fn finish_early(&mut self, measured: Noise, asked: f64, aim: &Aim) -> Verdict {
+        if self.rounds == 1 && self.bound.is_none() {
+            self.bound = Some(Bound::MinSamples);
+        }
+        // Clear of the goal, the measurement would have decided the same if it had come out otherwise.
+        match aim.is_last || measured.high < asked {
+            true => self.finish(measured),
+            false => Verdict::MeasureAgain,
+        }
+    }
+
+    /// Takes in the measurement that was asked for by [`Verdict::MeasureAgain`].
+    pub(crate) fn take_report(&mut self, noise: Noise) {
+        self.measured = Some((noise, true));
+    }
+}
+
+/// The time that is left, and what may be done in it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TimeLeft {
+    /// Time in all; `None` for no limit.
+    pub(crate) limit: Option<Duration>,
+    /// Time since the start.
+    pub(crate) elapsed: Duration,
+    /// Samples there are.
+    pub(crate) samples: f64,
+    /// Samples drawn per second in the last round.
+    pub(crate) pace: f64,
+}
+
+impl TimeLeft {
+    /// What fits into the time that is left, and whether that is the last round. `None` where nothing does.
+    fn fitting(&self, forecast: &Forecast) -> Option<(Ahead, bool)> {
+        let Some(limit) = self.limit else { return Some((forecast.limit(), true)) };
+        let left = limit.saturating_sub(self.elapsed).as_secs_f64();
+        if left <= 0.0 || forecast.limit().samples <= 1.0 {
+            return None;
+        }
+        let is_last = left < CUT_OFF * limit.as_secs_f64();
+        let fits = self.pace * left * if is_last { 2.0 } else { SHARE_OF_TIME };
+        let samples = 1.0 + fits / self.samples.max(1.0);
+        let ahead = forecast.least(|ahead| ahead.samples >= samples).unwrap_or_else(|| forecast.limit());
+        Some((ahead, is_last))
+    }
+}
+
+/// How far halves of the film misjudge the squared error: too small where sampling stopped because they agreed.
+///
+/// Every measurement says so with a known precision; what is believed is the mean of all, newer ones counting more, since
+/// the ratio may drift from round to round (a Kalman filter for one number, in logarithms).
+struct Calibration {
+    /// Logarithm of the true mean square over that by halves.
+    ratio: f64,
+    /// Its variance.
+    variance: f64,
+}
+
+/// Variance of the drift of the ratio from one round to the next.
+const DRIFT: f64 = 0.02;
+
+impl Default for Calibration {
+    fn default() -> Self {
+        Self { ratio: 0.0, variance: 0.25 }
+    }
+}
+
+impl Calibration {
+    /// Takes in a measurement of a picture whose halves differ by `square`.
+    fn take(&mut self, noise: Noise, square: f64) {
+        self.variance += DRIFT;
+        if noise.reached > 0.0 && square > 0.0 {
+            let ratio = (noise.reached.powi(2) / square).ln();
+            let variance = (2.0 * noise.log_deviation()).powi(2);
+            let gain = self.variance / (self.variance + variance);
+            self.ratio += gain * (ratio - self.ratio);
+            self.variance *= 1.0 - gain;
+        }
+    }
+
+    /// The true mean square where halves differ by `square`.
+    fn square(&self, square: f64) -> f64 {
+        square * self.ratio.exp()
+    }
+}

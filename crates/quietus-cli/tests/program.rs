@@ -114,7 +114,7 @@ fn a_scene_decides_what_flags_leave_open() {
         let get = move |name: &str| metadata.iter().find(|(n, _)| n == name).map(|(_, value)| value.clone());
         (picture, get, stderr(&output))
     };
-    let (picture, get, said) = drawn("");
+    let (picture, get, said) = drawn("--target-error 0.001");
     let expected = "wishes.pbrt asks for: 40x30 pixels; columns 0.5 to 1 and rows 0 to 0.5 of a frame of 1; at most 6 \
                     samples per pixel; paths of up to 3 segments; filter mitchell (b 0.33333334, c 0.33333334, radius \
                     2.5 x 2); exposure 2; samples darkened to 3 (energy is lost; --max-component inf)\n";

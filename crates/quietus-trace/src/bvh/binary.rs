@@ -5,10 +5,11 @@
 //! for each node the cheapest way to represent it by at most 1, 2, .. 7 roots of wide subtrees (Ylitie, Karras
 //! and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", section 3.1).
 
-use glam::{Vec4, Vec4Swizzles};
+use glam::Vec4;
 use rayon::prelude::*;
 
 use super::Bounds;
+use super::item::{Box4, Extent, Item, PARALLEL};
 use crate::isa::{Isa, Job, Level};
 
 /// Children of a wide node.
@@ -28,146 +29,6 @@ const SAH_DEPTH: u32 = 64;
 pub(super) const MAX_DEPTH: usize = SAH_DEPTH as usize + 40;
 /// Ranges larger than this are worth a task of their own.
 const TASK: usize = 4096;
-/// Ranges larger than this are binned by several threads.
-const PARALLEL_BINNING: usize = 1 << 16;
-
-/// What a leaf holds; a leaf holds one kind.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub(super) enum Kind {
-    Triangle,
-    Sphere,
-    Instance,
-    MovingTriangle,
-    Curve,
-    Ribbon,
-    /// A patch or a quadric.
-    Solid,
-}
-
-impl Kind {
-    /// The kind of a number it was made of.
-    #[inline(always)]
-    pub(super) fn from_number(number: u32) -> Self {
-        match number {
-            0 => Self::Triangle,
-            1 => Self::Sphere,
-            3 => Self::MovingTriangle,
-            4 => Self::Curve,
-            5 => Self::Ribbon,
-            6 => Self::Solid,
-            _ => Self::Instance,
-        }
-    }
-
-    /// Whether a leaf may hold several.
-    fn has_blocks(self) -> bool {
-        matches!(self, Self::Triangle | Self::Sphere | Self::MovingTriangle)
-    }
-}
-
-/// A primitive as the builder sees it: bounds, with an index and the kind in the fourth lanes.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Item {
-    min: Vec4,
-    max: Vec4,
-}
-
-impl Item {
-    pub(super) fn new(bounds: Bounds, index: u32, kind: Kind) -> Self {
-        Self {
-            min: bounds.min.extend(f32::from_bits(index)),
-            max: bounds.max.extend(f32::from_bits(kind as u32)),
-        }
-    }
-
-    pub(super) fn index(&self) -> u32 {
-        self.min.w.to_bits()
-    }
-
-    pub(super) fn kind(&self) -> Kind {
-        Kind::from_number(self.max.w.to_bits())
-    }
-
-    /// Whether its bounds are finite and hold something.
-    pub(super) fn is_bounded(&self) -> bool {
-        let (min, max) = (self.min.xyz(), self.max.xyz());
-        min.is_finite() && max.is_finite() && min.cmple(max).all()
-    }
-
-    /// Twice the centroid.
-    #[inline(always)]
-    fn center(&self) -> Vec4 {
-        self.min + self.max
-    }
-}
-
-/// Bounds whose fourth lanes mean nothing.
-#[derive(Clone, Copy, Debug)]
-struct Box4 {
-    min: Vec4,
-    max: Vec4,
-}
-
-impl Box4 {
-    const EMPTY: Self = Self { min: Vec4::INFINITY, max: Vec4::NEG_INFINITY };
-
-    #[inline(always)]
-    fn union(self, other: Self) -> Self {
-        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
-    }
-
-    #[inline(always)]
-    fn with(self, min: Vec4, max: Vec4) -> Self {
-        Self { min: self.min.min(min), max: self.max.max(max) }
-    }
-
-    /// Half the surface area.
-    #[inline(always)]
-    fn area(self) -> f32 {
-        let d = self.max - self.min;
-        d.x * d.y + d.y * d.z + d.z * d.x
-    }
-
-    fn bounds(self) -> Bounds {
-        Bounds { min: self.min.xyz(), max: self.max.xyz() }
-    }
-}
-
-/// Bounds of a range, of its primitives and of their centroids (doubled).
-#[derive(Clone, Copy, Debug)]
-struct Extent {
-    boxes: Box4,
-    centers: Box4,
-}
-
-impl Extent {
-    const EMPTY: Self = Self { boxes: Box4::EMPTY, centers: Box4::EMPTY };
-
-    #[inline(always)]
-    fn add(&mut self, item: &Item) {
-        self.boxes = self.boxes.with(item.min, item.max);
-        let center = item.center();
-        self.centers = self.centers.with(center, center);
-    }
-
-    #[inline(always)]
-    fn union(self, other: Self) -> Self {
-        Self { boxes: self.boxes.union(other.boxes), centers: self.centers.union(other.centers) }
-    }
-
-    fn of(items: &[Item]) -> Self {
-        if items.len() > PARALLEL_BINNING {
-            let parts = items.par_chunks(PARALLEL_BINNING / 4).map(Self::of);
-            return parts.reduce(|| Self::EMPTY, Self::union);
-        }
-        let mut extent = Self::EMPTY;
-        for item in items {
-            extent.add(item);
-        }
-        extent
-    }
-}
 
 /// A node of the binary tree.
 #[derive(Clone, Copy, Debug)]
@@ -532,8 +393,8 @@ impl Bins {
 fn find_split(items: &[Item], extent: &Extent, bins: &mut Bins) -> Option<Split> {
     let binning = Binning::new(&extent.centers, items.len());
     let mut best = Candidate { cost: f32::INFINITY, axis: 0, bin: 0 };
-    if items.len() > PARALLEL_BINNING {
-        let parts = items.par_chunks(PARALLEL_BINNING / 4).map(|part| {
+    if items.len() > PARALLEL {
+        let parts = items.par_chunks(PARALLEL / 4).map(|part| {
             let mut bins = Bins::EMPTY;
             bins.fill(part, &binning);
             bins

@@ -4,7 +4,7 @@
 
 use glam::Vec3;
 
-use super::binary::Kind;
+use super::item::Kind;
 use super::singles::Solid;
 use super::wide::{Link, Store};
 use crate::geometry::curve::CurveRay;

@@ -15,6 +15,7 @@ use crate::geometry::motion::Motion;
 use crate::isa::Isa;
 
 mod binary;
+mod item;
 mod leaf;
 mod memory;
 mod singles;
@@ -24,7 +25,7 @@ mod tests;
 mod traverse;
 mod wide;
 
-use binary::{Item, Kind};
+use item::{Item, Kind};
 use source::{Placed, Reference, Source};
 use wide::{Link, Store};
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::binary::{Item, Kind};
+use super::item::{Item, Kind};
 use super::source::Placed;
 use crate::desc::{CurveKind, CurveSegment, Curves, PatchMesh, Quadric};
 use crate::geometry::curve::{self, CurvePart, MAX_PARTS, RibbonPart};

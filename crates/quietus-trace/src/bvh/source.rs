@@ -4,7 +4,7 @@ use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
 use super::Bounds;
-use super::binary::{Item, Kind};
+use super::item::{Item, Kind};
 use super::singles::Singles;
 use super::wide::Leaves;
 use crate::desc::{CurveSegment, Geometry, MaterialId, Mesh, Object};

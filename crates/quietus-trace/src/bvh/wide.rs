@@ -2,7 +2,8 @@
 
 use std::mem::MaybeUninit;
 
-use super::binary::{Item, Kind, Subtree, Tree, WIDTH};
+use super::binary::{Subtree, Tree, WIDTH};
+use super::item::{Item, Kind};
 use super::singles::Singles;
 use super::{Bounds, memory};
 use crate::geometry::sphere::SphereBlock;

@@ -7,7 +7,9 @@ use std::time::Duration;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use quietus_film::Window;
 
-use crate::compare::CompareArgs;
+use crate::after::compare::CompareArgs;
+use crate::after::convert::ConvertArgs;
+use crate::after::inspect::InspectArgs;
 use crate::error::EXIT_CODES;
 use crate::eval::EvalArgs;
 use crate::watching::WatchingArgs;
@@ -55,6 +57,10 @@ pub(crate) enum Command {
     Eval(Box<EvalArgs>),
     /// Say how far pictures are apart: error, FLIP, brightness, worst tiles.
     Compare(CompareArgs),
+    /// Say where the samples of a picture went and what error remains.
+    Inspect(InspectArgs),
+    /// Turn an EXR picture into a PNG or another EXR: exposure, tone curve, layers, denoising.
+    Convert(ConvertArgs),
 }
 
 /// Flags of `quietus render`.
@@ -323,7 +329,7 @@ fn parse_noise(text: &str) -> Result<f64, String> {
     }
 }
 
-fn parse_factor(text: &str) -> Result<f32, String> {
+pub(crate) fn parse_factor(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(factor),
         _ => Err("expected a number above 0, such as 0.5".to_owned()),

@@ -1,10 +1,9 @@
 //! The `quietus` program: arguments, messages and exit codes. All work is done by the libraries.
 
+mod after;
 mod args;
-mod compare;
 mod error;
 mod eval;
-mod info;
 mod interrupt;
 mod logging;
 mod outputs;
@@ -48,11 +47,13 @@ fn run(cli: Cli) -> Result<Ending, Failure> {
     match cli.command {
         Some(Command::Render(args)) => render::run(&args),
         Some(Command::Info { file }) => {
-            say::result(info::describe(&file)?);
+            say::result(after::info::describe(&file)?);
             Ok(Ending::Success)
         }
         Some(Command::Eval(args)) => eval::run(&args),
-        Some(Command::Compare(args)) => compare::run(&args),
+        Some(Command::Compare(args)) => after::compare::run(&args),
+        Some(Command::Inspect(args)) => after::inspect::run(&args),
+        Some(Command::Convert(args)) => after::convert::run(&args),
         None => render::run(&built_in()),
     }
 }

@@ -30,7 +30,7 @@ fn pictures_are_compared_and_exit_codes_tell() {
     for word in ["RMSE", "relMSE", "display", "FLIP", "brightness", "worst tile"] {
         assert!(said.contains(word), "{word} is missing: {said}");
     }
-    assert_eq!(image_size(&at.join("flip.png")), [32, 24]);
+    assert_eq!(image_size(&at.join("flip.png")), [192, 24 + 48], "with its legend");
     let json = quietus(at, "compare a.exr c.exr --reference b.exr --json");
     let found: Value = serde_json::from_slice(&json.stdout).unwrap();
     let error = |i: usize| found[i]["rmse"].as_f64().unwrap();

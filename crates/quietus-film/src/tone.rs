@@ -105,7 +105,8 @@ mod tests {
     fn agx_maps_the_ends_of_its_range_and_middle_grey() {
         assert_eq!(sigmoid(STOPS[0] / (STOPS[0] + STOPS[1])), 0.5);
         assert!(sigmoid(0.0).abs() < 1e-12 && (sigmoid(1.0) - 1.0).abs() < 1e-12);
-        assert_eq!(ToneCurve::AgX.encode([0.18; 3]), [128; 3]);
+        // Half-way between two codes.
+        assert!(ToneCurve::AgX.encode([0.18; 3]).iter().all(|code| (127..=128).contains(code)));
         let brightest = (0.18 * 6.5_f64.exp2()) as f32;
         assert_eq!(ToneCurve::AgX.encode([1.01 * brightest; 3]), [255; 3]);
         assert!(ToneCurve::AgX.encode([4.0; 3])[0] < 255, "sRGB clips this");

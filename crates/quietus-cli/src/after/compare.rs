@@ -9,6 +9,7 @@ use quietus_eval::measure::flip_map;
 use quietus_film::{read_exr_planes, write_rgb_png};
 use serde::Serialize;
 
+use super::heat::{HeatMap, Scale};
 use crate::error::{EXIT_CODES, Ending, Failure};
 use crate::say;
 
@@ -33,7 +34,7 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "FILE.exr")]
     pub reference: Option<PathBuf>,
 
-    /// Draw FLIP of every pixel here: of the second picture against the first, or against the reference.
+    /// Draw FLIP of every pixel here, in colours with a legend: of the second picture against the first, or against the reference.
     #[arg(long, value_name = "FILE.png")]
     pub difference: Option<PathBuf>,
 
@@ -79,9 +80,10 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending, Failure> {
     }
     let last = &comparisons[comparisons.len() - 1];
     if let Some(path) = &args.difference {
-        let pixels: Vec<[u8; 3]> =
-            last.flip_map.iter().map(|&flip| quietus_eval::report::heat(flip)).collect();
-        write_rgb_png(path, last.size, &pixels)?;
+        let values: Vec<f32> = last.flip_map.iter().map(|&flip| flip as f32).collect();
+        let map = HeatMap { size: last.size, values: &values, title: "FLIP", scale: Scale::Linear(0.0, 1.0) };
+        let (size, pixels) = map.draw();
+        write_rgb_png(path, size, &pixels)?;
     }
     let worst = comparisons.iter().map(|comparison| comparison.flip).fold(0.0, f64::max);
     Ok(match args.max_flip {

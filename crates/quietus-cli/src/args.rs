@@ -12,6 +12,7 @@ use crate::after::convert::ConvertArgs;
 use crate::after::inspect::InspectArgs;
 use crate::error::EXIT_CODES;
 use crate::eval::EvalArgs;
+use crate::viewing::ViewingArgs;
 use crate::watching::WatchingArgs;
 
 /// What to try first.
@@ -48,6 +49,8 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Draw a scene.
     Render(Box<RenderArgs>),
+    /// Draw a scene and show it in a browser, where it can be steered; goes on until Ctrl-C.
+    View(Box<RenderArgs>),
     /// Say what is in a scene or an EXR file.
     Info {
         /// A glTF 2.0 (.gltf, .glb) or pbrt-v4 (.pbrt) scene or an OpenEXR picture (.exr).
@@ -198,6 +201,10 @@ pub(crate) struct RenderArgs {
     /// How it is watched.
     #[command(flatten)]
     pub watching: WatchingArgs,
+
+    /// How it is watched from a browser.
+    #[command(flatten)]
+    pub viewing: ViewingArgs,
 
     /// Passes that the tree in use lags behind: 1 saves samples, 2 keeps threads busy at the end.
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=2))]

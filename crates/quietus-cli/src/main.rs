@@ -14,6 +14,7 @@ mod report;
 mod say;
 mod source;
 mod timeline;
+mod viewing;
 mod watching;
 mod wishes;
 
@@ -45,7 +46,8 @@ fn main() -> ExitCode {
 
 fn run(cli: Cli) -> Result<Ending, Failure> {
     match cli.command {
-        Some(Command::Render(args)) => render::run(&args),
+        Some(Command::Render(args)) => render::run(&args, false),
+        Some(Command::View(args)) => render::run(&args, true),
         Some(Command::Info { file }) => {
             say::result(after::info::describe(&file)?);
             Ok(Ending::Success)
@@ -54,7 +56,7 @@ fn run(cli: Cli) -> Result<Ending, Failure> {
         Some(Command::Compare(args)) => after::compare::run(&args),
         Some(Command::Inspect(args)) => after::inspect::run(&args),
         Some(Command::Convert(args)) => after::convert::run(&args),
-        None => render::run(&built_in()),
+        None => render::run(&built_in(), false),
     }
 }
 

@@ -4,14 +4,14 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use quietus_film::RejectedSamples;
+use quietus_film::{Layout, RejectedSamples, Window};
 use quietus_render::{
     Bound, Control, Fault, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, Watched,
-    noise::measure_noise, render,
+    go_on, noise::measure_noise, render,
 };
 use quietus_trace::desc::{Camera, SceneDesc};
 use quietus_trace::scene::Scene;
-use quietus_trace::view::View;
+use quietus_trace::view::{View, ViewError};
 use serde::Serialize;
 
 use crate::args::RenderArgs;
@@ -23,23 +23,53 @@ use crate::progress::{Measure, ProgressArg};
 use crate::report::{Settings, name, stopped_by};
 use crate::say;
 use crate::source::{Source, scene_name};
+use crate::viewing::Viewing;
 use crate::watching::{Onlookers, Subject};
 
 /// Everything a picture needs, loaded and checked.
-struct Ready {
-    scene: Scene,
+pub(crate) struct Ready {
+    pub(crate) scene: Scene,
+    pub(crate) camera: Camera,
     view: View,
-    settings: RenderSettings,
+    pub(crate) settings: RenderSettings,
     look: Look,
     report: Settings,
     load_seconds: f64,
 }
 
-/// Runs `quietus render`.
+impl Ready {
+    /// What `camera` sees in a picture of another size, everything else as it is.
+    pub(crate) fn view_of(
+        &self,
+        args: &RenderArgs,
+        camera: &Camera,
+        frame: [u32; 2],
+    ) -> Result<View, ViewError> {
+        view(args, camera, frame, &self.look)
+    }
+
+    /// Takes another camera, and says whether it makes sense.
+    pub(crate) fn look_through(&mut self, args: &RenderArgs, camera: Camera) -> bool {
+        let Ok(view) = self.view_of(args, &camera, self.settings.frame) else { return false };
+        (self.view, self.camera) = (view, camera);
+        true
+    }
+
+    /// Draws another part of the frame, and says whether it has one.
+    pub(crate) fn crop(&mut self, window: Window) -> bool {
+        let is_sound = Layout::new(self.settings.frame, window, 2).is_ok();
+        if is_sound {
+            self.settings.window = window;
+        }
+        is_sound
+    }
+}
+
+/// Runs `quietus render`, or with `stays` `quietus view`, which goes on when the picture is done.
 ///
 /// # Errors
 /// Anything that keeps a picture from being drawn and written.
-pub(crate) fn run(args: &RenderArgs) -> Result<Ending, Failure> {
+pub(crate) fn run(args: &RenderArgs, stays: bool) -> Result<Ending, Failure> {
     if args.watching.progress == ProgressArg::Json {
         say::speak_json();
     }
@@ -47,15 +77,17 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Ending, Failure> {
     let start = Instant::now();
     let mut source = Source::open(args, plan.timeline.as_ref())?;
     let cancel = interrupt::watch()?;
+    let mut viewing = Viewing::start(args, stays)?;
     let Some(timeline) = &plan.timeline else {
-        let ready = prepare(args, &plan, &mut source, None, start)?;
-        return picture(args, &plan, &ready, None, &cancel);
+        let mut ready = prepare(args, &plan, &mut source, None, start)?;
+        return picture(args, &plan, &mut ready, None, &cancel, viewing.as_mut());
     };
     let mut start = Some(start);
     for frame in timeline.frames() {
         let start = start.take().unwrap_or_else(Instant::now);
-        let ready = prepare(args, &plan, &mut source, Some(frame), start)?;
-        if picture(args, &plan, &ready, Some(frame), &cancel)? == Ending::Interrupted {
+        let mut ready = prepare(args, &plan, &mut source, Some(frame), start)?;
+        let ending = picture(args, &plan, &mut ready, Some(frame), &cancel, viewing.as_mut())?;
+        if ending == Ending::Interrupted {
             return Ok(Ending::Interrupted);
         }
     }
@@ -66,15 +98,33 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Ending, Failure> {
 fn picture(
     args: &RenderArgs,
     plan: &Plan,
-    ready: &Ready,
+    ready: &mut Ready,
     frame: Option<u32>,
     cancel: &AtomicBool,
+    viewing: Option<&mut Viewing>,
 ) -> Result<Ending, Failure> {
-    let rendered = draw(args, plan, ready, frame, cancel)?;
+    if let Some(viewing) = viewing {
+        return viewing.picture(args, plan, ready, frame, cancel);
+    }
+    let rendered = draw(args, plan, ready, frame, Audience { cancel, viewing: None }, None)?;
+    keep(args, plan, ready, frame, &rendered)
+}
+
+/// Writes what was drawn, and says so.
+///
+/// # Errors
+/// When it cannot be written.
+pub(crate) fn keep(
+    args: &RenderArgs,
+    plan: &Plan,
+    ready: &Ready,
+    frame: Option<u32>,
+    rendered: &Rendered,
+) -> Result<Ending, Failure> {
     warn_of_rejected(&rendered.film.rejected(), args.seed);
-    let written = outputs(args, plan, ready, frame).write(&rendered);
-    say::outcome(summary(plan, frame, &rendered, &written.pictures));
-    say::event("end", &ending(frame, &rendered, &written.pictures));
+    let written = outputs(args, plan, ready, frame).write(rendered);
+    say::outcome(summary(plan, frame, rendered, &written.pictures));
+    say::event("end", &ending(frame, rendered, &written.pictures));
     written.check()?;
     Ok(match rendered.stopped_by {
         StoppedBy::Cancelled => Ending::Interrupted,
@@ -105,14 +155,18 @@ fn prepare(
     let unusable = |error: String| Failure::input(format!("{}: {error}", scene_name(args)));
     let seconds = start.elapsed().as_secs_f64();
     tracing::info!("read {} in {seconds:.2} s", scene_name(args));
-    let view = View::new(camera, settings.frame, look.filter, look.max_depth, args.seed)
-        .and_then(|view| view.with_exposure(look.exposure, look.max_component))
-        .and_then(|view| view.with_indirect_limit(args.clamp_indirect.unwrap_or(f32::INFINITY)))
-        .map_err(|error| unusable(error.to_string()))?;
+    let view = view(args, camera, settings.frame, &look).map_err(|error| unusable(error.to_string()))?;
     let scene = Scene::build(&desc).map_err(|error| unusable(error.to_string()))?;
     let load_seconds = start.elapsed().as_secs_f64();
     tracing::info!("built it in {:.2} s", load_seconds - seconds);
-    Ok(Ready { scene, view, settings, look, report, load_seconds })
+    let camera = camera.clone();
+    Ok(Ready { scene, camera, view, settings, look, report, load_seconds })
+}
+
+fn view(args: &RenderArgs, camera: &Camera, frame: [u32; 2], look: &Look) -> Result<View, ViewError> {
+    View::new(camera, frame, look.filter, look.max_depth, args.seed)?
+        .with_exposure(look.exposure, look.max_component)?
+        .with_indirect_limit(args.clamp_indirect.unwrap_or(f32::INFINITY))
 }
 
 fn pick_camera<'a>(scene: &'a SceneDesc, name: Option<&str>) -> Result<&'a Camera, Failure> {
@@ -127,12 +181,25 @@ fn pick_camera<'a>(scene: &'a SceneDesc, name: Option<&str>) -> Result<&'a Camer
     })
 }
 
-fn draw(
+/// Who looks on, and may end a render.
+pub(crate) struct Audience<'a> {
+    /// Set by Ctrl-C.
+    pub(crate) cancel: &'a AtomicBool,
+    /// Browsers.
+    pub(crate) viewing: Option<&'a mut Viewing>,
+}
+
+/// Draws, going on from `before` where there is something, and shows how far it is.
+///
+/// # Errors
+/// What [`render`] says.
+pub(crate) fn draw(
     args: &RenderArgs,
     plan: &Plan,
     ready: &Ready,
     frame: Option<u32>,
-    cancel: &AtomicBool,
+    Audience { cancel, mut viewing }: Audience<'_>,
+    before: Option<Rendered>,
 ) -> Result<Rendered, Failure> {
     let tracer = PathTracer { scene: &ready.scene, view: &ready.view };
     let settings = &ready.settings;
@@ -143,8 +210,19 @@ fn draw(
         metadata: ready.report.metadata(),
     };
     let mut onlookers = Onlookers::new(&args.watching, subject);
-    let mut watch = |watched: &Watched<'_>| onlookers.look(watched);
-    let outcome = render(&tracer, settings, &mut Control { cancel, watch: &mut watch, live: None });
+    let (stop, live) = viewing.as_ref().map(|viewing| viewing.handles()).unzip();
+    let mut watch = |watched: &Watched<'_>| {
+        onlookers.look(watched);
+        if let Some(viewing) = &mut viewing {
+            viewing.watch(watched, cancel);
+        }
+    };
+    let (stop, live) = (stop.as_deref().unwrap_or(cancel), live.flatten());
+    let control = &mut Control { cancel: stop, watch: &mut watch, live: live.as_deref() };
+    let outcome = match before {
+        Some(before) => go_on(&tracer, settings, before, control),
+        None => render(&tracer, settings, control),
+    };
     onlookers.leave(outcome.as_ref().ok().map(|rendered| &rendered.film));
     let mut rendered = outcome.map_err(|error| match error {
         RenderError::Panicked(fault) => {
@@ -155,7 +233,7 @@ fn draw(
     // Whose time is up, or who is interrupted, wants the picture now.
     if rendered.stopped_by == StoppedBy::Done
         && rendered.noise.is_none()
-        && let Some(noise) = measure_noise(&tracer, &rendered, settings.threads, cancel)
+        && let Some(noise) = measure_noise(&tracer, &rendered, settings.threads, stop)
     {
         rendered.statistics.set_noise(noise);
     }
@@ -348,7 +426,6 @@ fn bound(rendered: &Rendered) -> &'static str {
 #[cfg(test)]
 mod tests {
     use clap::Parser;
-    use quietus_film::Window;
     use quietus_trace::desc::PictureDefaults;
 
     use super::*;
@@ -407,7 +484,9 @@ mod tests {
         let replay = parse(&message.rsplit(": ").next().unwrap().split(' ').collect::<Vec<_>>());
         let ready = prepared(&replay, &Plan::new(&replay).unwrap());
         let plan = Plan::new(&replay).unwrap();
-        let rendered = draw(&replay, &plan, &ready, None, &AtomicBool::new(false)).unwrap();
+        let cancel = AtomicBool::new(false);
+        let audience = Audience { cancel: &cancel, viewing: None };
+        let rendered = draw(&replay, &plan, &ready, None, audience, None).unwrap();
         // Two replicates of 21 samples each: the last one is number 20.
         assert_eq!((rendered.film.sample_counts(), rendered.statistics.samples), (vec![42], 42));
         assert_eq!(ready.settings.window, Window { x0: 7, y0: 9, x1: 8, y1: 10 });

@@ -127,7 +127,7 @@ impl Settings {
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-fn sampling_name(sampling: Sampling) -> &'static str {
+pub(crate) fn sampling_name(sampling: Sampling) -> &'static str {
     match sampling {
         Sampling::Quietus => "quietus",
         Sampling::Unbiased => "unbiased",

@@ -83,6 +83,18 @@ pub(crate) fn outcome(text: impl Display) {
     }
 }
 
+/// Where the live view is: on stdout, in whatever way the program speaks.
+pub(crate) fn address(address: &str) {
+    #[derive(Serialize)]
+    struct Body<'a> {
+        address: &'a str,
+    }
+    match speaks_json() {
+        true => event("view", &Body { address }),
+        false => result(format_args!("look at it in a browser: {address}")),
+    }
+}
+
 /// What is good to know, on stderr, unless the program should be quiet.
 pub(crate) fn aside(text: impl Display) {
     if !is_quiet() || speaks_json() {

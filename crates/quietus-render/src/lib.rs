@@ -24,7 +24,7 @@ pub use live::Live;
 pub use pixel_errors::{pixel_error, shown_error};
 pub use process::available_memory;
 pub use progress::{NoiseProgress, Progress};
-pub use rounds::render;
+pub use rounds::{go_on, render};
 pub use run::{Bound, Control, RenderError, Rendered, StoppedBy, Watched};
 pub use settings::{Goal, Machinery, RenderSettings, Sampling};
 pub use statistics::{LoggedRebuild, MOST_LOGGED, SampleStatistics, Statistics};

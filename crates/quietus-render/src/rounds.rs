@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use quietus::{AdaptiveSampling, Start};
 use quietus_film::{Film, Layout};
+use quietus_trace::tile::TileCounts;
 
 use crate::crew;
 use crate::live::Live;
@@ -35,22 +36,45 @@ pub fn render<T: Tracer>(
     control: &mut Control<'_>,
 ) -> Result<Rendered, RenderError> {
     check(settings)?;
-    let (start, cpu_start) = (Instant::now(), process::cpu_time());
     let layout = Layout::new(settings.frame, settings.window, REPLICATES)?;
-    let pixels = settings.window.pixels() as u64;
-    let most = pixels as f64 * f64::from(settings.max_samples);
-    let rounds = Rounds {
-        tracer,
-        settings,
-        film: Film::new(layout),
-        counters: (0..settings.threads.get()).map(|_| Counters::default()).collect(),
-        start,
-        estimator: Estimator::new(pixels, Some(most), settings.time_limit),
-        steering: Steering::new(settings),
-        totals: Totals::default(),
-        measurements: 0,
-    };
-    rounds.run(control, cpu_start)
+    let rounds = Rounds::new(tracer, settings, Film::new(layout), Past::default(), control);
+    let aim = rounds.steering.first();
+    let sampling = AdaptiveSampling::new(rounds.library(&aim))?;
+    rounds.run(control, aim, sampling)
+}
+
+/// Goes on from where a render ended, perhaps to another goal, with nothing lost: all its samples are kept, and both are
+/// reported as one render, without the time in between.
+///
+/// # Errors
+/// As [`render`].
+///
+/// # Panics
+/// When frame or window are not those of `before`.
+pub fn go_on<T: Tracer>(
+    tracer: &T,
+    settings: &RenderSettings,
+    before: Rendered,
+    control: &mut Control<'_>,
+) -> Result<Rendered, RenderError> {
+    check(settings)?;
+    let layout = before.film.layout();
+    assert_eq!((layout.frame(), layout.window()), (settings.frame, settings.window), "another picture");
+    let rounds = Rounds::new(tracer, settings, before.film, before.past, control);
+    let aim = rounds.steering.first();
+    let sampling = AdaptiveSampling::resumed(rounds.library(&aim), &Start::of(&before.sampling))?;
+    rounds.run(control, aim, sampling)
+}
+
+/// What a render has behind it.
+#[derive(Default)]
+pub(crate) struct Past {
+    wall: Duration,
+    cpu: Duration,
+    samples: u64,
+    rays: u64,
+    totals: Totals,
+    measurements: u32,
 }
 
 /// Whether the goal makes sense.
@@ -72,7 +96,9 @@ struct Rounds<'a, T> {
     settings: &'a RenderSettings,
     film: Film,
     counters: Vec<Counters>,
+    /// As if nothing had come between it and what went before.
     start: Instant,
+    cpu_start: Option<Duration>,
     estimator: Estimator,
     steering: Steering,
     totals: Totals,
@@ -80,14 +106,42 @@ struct Rounds<'a, T> {
     measurements: u32,
 }
 
-impl<T: Tracer> Rounds<'_, T> {
+impl<'a, T: Tracer> Rounds<'a, T> {
+    fn new(
+        tracer: &'a T,
+        settings: &'a RenderSettings,
+        film: Film,
+        past: Past,
+        control: &Control<'_>,
+    ) -> Self {
+        let counters: Vec<_> = (0..settings.threads.get()).map(|_| Counters::default()).collect();
+        counters[0].add(past.samples, TileCounts { rays: past.rays, ..TileCounts::default() });
+        let pixels = settings.window.pixels() as u64;
+        let most = pixels as f64 * f64::from(settings.max_samples);
+        let now = Instant::now();
+        // The clock takes all pauses off, also those of the past.
+        let behind = past.wall + control.live.map_or(Duration::ZERO, Live::paused_for);
+        Self {
+            tracer,
+            settings,
+            film,
+            counters,
+            start: now.checked_sub(behind).unwrap_or(now),
+            cpu_start: process::cpu_time().map(|now| now.saturating_sub(past.cpu)),
+            estimator: Estimator::new(pixels, Some(most), settings.time_limit),
+            steering: Steering::new(settings),
+            totals: past.totals,
+            measurements: past.measurements,
+        }
+    }
+
+    /// Rounds from the one that aims at `aim` with `sampling`.
     fn run(
         mut self,
         control: &mut Control<'_>,
-        cpu_start: Option<Duration>,
+        mut aim: Aim,
+        mut sampling: AdaptiveSampling,
     ) -> Result<Rendered, RenderError> {
-        let mut aim = self.steering.first();
-        let mut sampling = AdaptiveSampling::new(self.library(&aim))?;
         let stopped_by = loop {
             let clock = self.clock(control);
             let (start, before) = (clock.elapsed(), Counters::sum(&self.counters)[0]);
@@ -105,7 +159,7 @@ impl<T: Tracer> Rounds<'_, T> {
             }
             sampling = AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?;
         };
-        let cpu = cpu_start.zip(process::cpu_time()).map(|(before, after)| after.saturating_sub(before));
+        let cpu = self.cpu_start.zip(process::cpu_time()).map(|(before, after)| after.saturating_sub(before));
         let [samples, rays] = Counters::sum(&self.counters);
         let wall = self.clock(control).elapsed();
         let mut statistics = self.totals.statistics(&sampling, &self.film, self.counters.len(), wall);
@@ -114,6 +168,14 @@ impl<T: Tracer> Rounds<'_, T> {
         let noise = self.steering.reported();
         noise.into_iter().for_each(|noise| statistics.set_noise(noise));
         statistics.noise_asked = self.steering.asked().map(|asked| 100.0 * asked);
+        let past = Past {
+            wall,
+            cpu: cpu.unwrap_or_default(),
+            samples,
+            rays,
+            totals: self.totals,
+            measurements: self.measurements,
+        };
         Ok(Rendered {
             film: self.film,
             sampling,
@@ -121,6 +183,7 @@ impl<T: Tracer> Rounds<'_, T> {
             stopped_by,
             noise,
             bound: self.steering.bound(),
+            past,
         })
     }
 

@@ -14,6 +14,7 @@ use crate::live::Live;
 use crate::noise::Noise;
 use crate::pixel_errors::{REPLICATES, tile_errors};
 use crate::progress::Progress;
+use crate::rounds::Past;
 use crate::settings::Sampling;
 use crate::statistics::Statistics;
 use crate::tracer::Tracer;
@@ -63,6 +64,8 @@ pub struct Rendered {
     pub noise: Option<Noise>,
     /// What kept it from what was asked for, if anything did.
     pub bound: Option<Bound>,
+    /// For [`crate::go_on`].
+    pub(crate) past: Past,
 }
 
 /// A limit that keeps a picture from having the noise that was asked for.

@@ -27,7 +27,8 @@ function open() {
 }
 
 function lost() {
-  say("The render cannot be reached; trying again …");
+  const hasEnded = state.render === "finished" || state.render === "stopped";
+  say(hasEnded ? "The render has ended." : "The render cannot be reached; trying again …");
   state.render = "";
   showControls();
 }
@@ -36,7 +37,10 @@ function session(message) {
   state.session = message;
   state.store = new Store(message.window);
   state.now = stage.now = new Surface(state.store, look);
-  state.kept = state.reference = stage.tree = stage.coarse = null;
+  state.kept = state.reference = stage.tree = null;
+  // What was coarse is below the tiles now, until they are there.
+  stage.isCoarse = false;
+  stage.origin = message.window;
   stage.setSize(state.store.width, state.store.height);
   id("title").textContent = message.title;
   document.title = `${message.title} – Quietus`;
@@ -86,9 +90,8 @@ function coarse({ session: number, window, width, height, halves }) {
   const picture = new Store([0, 0, width, height]);
   const surface = new Surface(Store.ofPicture(picture.window, [width, height], halves), { ...look, layer: "beauty" });
   while (surface.isBusy) surface.paint();
-  const [x0, y0] = state.session.window;
-  stage.coarse = { canvas: surface.canvas, window: window.map((side, i) => side - (i % 2 ? y0 : x0)) };
-  stage.changed = true;
+  stage.coarse = { canvas: surface.canvas, window };
+  stage.isCoarse = stage.changed = true;
 }
 
 function tree(message) {
@@ -185,7 +188,9 @@ function askForLayers() {
 
 function showControls() {
   const isOn = state.render === "rendering" || state.render === "paused", s = state.session;
-  id("pause").disabled = id("stop").disabled = !isOn;
+  id("pause").disabled = !isOn;
+  id("stop").disabled = !state.render;
+  id("stop").textContent = isOn ? "Stop and save" : "Save again";
   id("pause").textContent = state.render === "paused" ? "Resume" : "Pause";
   const set = (ids, usable) => ids.forEach((name) => { id(name).disabled = !usable; });
   set(["noise"], state.render && s?.can_change_noise);

@@ -16,7 +16,8 @@ export class Stage {
     this.size = [0, 0];
     this.now = this.other = this.coarse = this.tree = this.crop = null;
     this.wipe = 0.5;
-    this.showsTree = this.showsCenter = false;
+    this.origin = [0, 0];
+    this.showsTree = this.showsCenter = this.isCoarse = false;
     new ResizeObserver(() => this.resize()).observe(canvas);
   }
 
@@ -105,7 +106,7 @@ export class Stage {
     c.rect(0, 0, ...this.size);
     c.clip();
     if (this.coarse) this.drawCoarse();
-    c.drawImage(this.now.canvas, 0, 0);
+    if (!this.isCoarse) c.drawImage(this.now.canvas, 0, 0);
     if (this.other) this.drawOther();
     c.restore();
     if (this.showsTree && this.tree) this.drawTree();
@@ -117,10 +118,10 @@ export class Stage {
   }
 
   drawCoarse() {
-    const [x0, y0, x1, y1] = this.coarse.window;
+    const [left, top] = this.origin, [x0, y0, x1, y1] = this.coarse.window;
     this.context.save();
     this.context.imageSmoothingEnabled = true;
-    this.context.drawImage(this.coarse.canvas, x0, y0, x1 - x0, y1 - y0);
+    this.context.drawImage(this.coarse.canvas, x0 - left, y0 - top, x1 - x0, y1 - y0);
     this.context.restore();
   }
 
@@ -160,7 +161,7 @@ export class Stage {
         if (shown(leaf) && (x1 - x0) * view.zoom >= least) c.rect(x0, y0, x1 - x0, y1 - y0);
       }
     };
-    path(0, complete, 3);
+    path(0, complete, 5);
     c.strokeStyle = "rgb(110 180 255 / 70%)";
     c.stroke();
     path(complete, complete + active, 0);

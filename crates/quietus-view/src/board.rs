@@ -56,7 +56,8 @@ pub(crate) struct Content {
     pub(crate) probes: HashMap<u64, [u32; 2]>,
     pub(crate) answers: HashMap<u64, PixelValues>,
     requests: VecDeque<Request>,
-    live: Option<Arc<Live>>,
+    /// The gate of a render that runs.
+    pub(crate) live: Option<Arc<Live>>,
 }
 
 /// Shared between the render's thread and the server's.
@@ -160,6 +161,8 @@ impl Content {
         self.canvas = Some(canvas);
         self.live = Some(live);
         self.tree = (self.tree.0 + 1, Arc::default());
+        // Who has it keeps it below the tiles until they come; nobody else needs it.
+        self.coarse.1 = Arc::default();
         self.state = State::Rendering;
         self.remaining = None;
         (self.moments, self.stride, self.updates) = (Vec::new(), 1, 0);

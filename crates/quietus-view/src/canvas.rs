@@ -38,11 +38,6 @@ impl Canvas {
         Self { layout, planes: [const { None }; LAYERS], clock: 0 }
     }
 
-    /// Where it lies.
-    pub(crate) fn layout(&self) -> &Layout {
-        &self.layout
-    }
-
     fn tiles(&self) -> usize {
         let [across, down] = self.layout.tiles();
         across as usize * down as usize

@@ -110,8 +110,8 @@ impl Client {
         if self.session != content.session_number {
             return Some(self.begin(&content));
         }
-        if self.coarse != content.coarse.0 {
-            self.coarse = content.coarse.0;
+        let is_new = std::mem::replace(&mut self.coarse, content.coarse.0) != content.coarse.0;
+        if is_new && !content.coarse.1.is_empty() {
             return Some(binary(content.coarse.1.to_vec()));
         }
         if let Some(values) = content.answers.remove(&self.id) {

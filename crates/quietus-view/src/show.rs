@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use quietus::AdaptiveSampling;
+use quietus::{AdaptiveSampling, Regions};
 use quietus_film::{Film, TileCopy};
 use quietus_render::{Live, Progress};
 
@@ -105,8 +105,8 @@ impl Shower {
             rebuild_ms: is_due(&mut self.rebuilds_at, REBUILD_INTERVAL)
                 .then(|| self.slowest_new_rebuild(sampling))
                 .flatten(),
-            noise_asked: None,
-            noise: None,
+            noise_asked: progress.noise.map(|noise| 100.0 * noise.asked),
+            noise: progress.noise.and_then(|noise| noise.measured).map(|noise| 100.0 * noise.reached),
         }
     }
 
@@ -171,21 +171,25 @@ fn store_masks(board: &Board, sampling: &AdaptiveSampling) {
 
 /// Pins up the leaves of all trees if they changed.
 fn store_tree(board: &Board, sampling: &AdaptiveSampling) {
-    let trees = sampling.region_trees();
-    let (mut counts, mut leaves) = ([0_u32; 2], Vec::new());
-    for (kind, complete) in [true, false].into_iter().enumerate() {
-        for leaf in
-            trees.iter().flatten().flat_map(|tree| tree.leaves()).filter(|leaf| leaf.complete == complete)
-        {
-            let sides = [leaf.area.x0, leaf.area.y0, leaf.area.x1, leaf.area.y1];
-            sides.iter().for_each(|&side| leaves.extend((side as f32).to_le_bytes()));
-            counts[kind] += 1;
+    let regions = Regions::new(*sampling.grid(), sampling.settings().regions_per_axis);
+    let (mut complete, mut active) = (Vec::new(), Vec::new());
+    for (region, tree) in sampling.region_trees().iter().enumerate() {
+        let home = regions.home_rect(region as u32);
+        for leaf in tree.iter().flat_map(|tree| tree.leaves()) {
+            // Leaves reach beyond the region's home; what lies there is the neighbour's to say.
+            let x0 = leaf.area.x0.max(home.x0.into()) as f32;
+            let y0 = leaf.area.y0.max(home.y0.into()) as f32;
+            let x1 = leaf.area.x1.min(home.x1.into()) as f32;
+            let y1 = leaf.area.y1.min(home.y1.into()) as f32;
+            if x0 < x1 && y0 < y1 {
+                if leaf.complete { &mut complete } else { &mut active }.push([x0, y0, x1, y1]);
+            }
         }
     }
     let mut content = board.lock();
     let mut bytes = header(TREE, 0, content.session_number);
-    counts.iter().for_each(|count| bytes.extend(count.to_le_bytes()));
-    bytes.extend(leaves);
+    [&complete, &active].iter().for_each(|leaves| bytes.extend((leaves.len() as u32).to_le_bytes()));
+    complete.iter().chain(&active).flatten().for_each(|side| bytes.extend(side.to_le_bytes()));
     if *content.tree.1 != bytes {
         content.tree = (content.tree.0 + 1, bytes.into());
     }

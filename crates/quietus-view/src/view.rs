@@ -114,8 +114,20 @@ impl View {
     /// The render ended.
     pub fn end(&mut self, state: State) {
         let mut content = self.board.lock();
+        // It holds nothing any more, and pauses no clock.
+        content.live.take().inspect(|live| live.resume());
         content.state = state;
         content.remaining = None;
+        content.status_count += 1;
+        drop(content);
+        self.board.ring();
+    }
+
+    /// The render that ended goes on with the same picture.
+    pub fn go_on(&mut self, live: Option<Arc<Live>>) {
+        let mut content = self.board.lock();
+        content.live = live;
+        content.state = State::Rendering;
         content.status_count += 1;
         drop(content);
         self.board.ring();

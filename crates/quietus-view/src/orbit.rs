@@ -29,7 +29,9 @@ const FROM_POLE: f32 = 0.02;
 pub fn moved(camera: &Camera, distance: &mut f32, motion: &Motion) -> Option<Camera> {
     let Motion { orbit, pan, dolly } = *motion;
     let parts = [orbit[0], orbit[1], pan[0], pan[1], dolly];
-    if !parts.iter().all(|part| part.abs() <= MOST) || !(*distance > 0.0 && distance.is_finite()) {
+    let makes_sense = parts.iter().all(|part| part.abs() <= MOST);
+    let is_somewhere = *distance > 0.0 && distance.is_finite();
+    if !makes_sense || !is_somewhere {
         return None;
     }
     let axes = camera.to_world.matrix3;

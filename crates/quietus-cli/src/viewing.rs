@@ -1,7 +1,7 @@
 //! `--view` and `quietus view`: a render that is watched and steered from a browser.
 
 use std::net::{IpAddr, Ipv4Addr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -92,7 +92,7 @@ impl Viewing {
             bind: bind.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST)),
             port: port.unwrap_or(0),
             token: token()?,
-            reference: reference.as_ref().map(read_reference).transpose()?,
+            reference: reference.as_deref().map(read_reference).transpose()?,
         };
         let view = View::start(options).map_err(|error| Failure::usage(error.to_string()))?;
         say::address(&view.address());
@@ -333,7 +333,7 @@ fn token() -> Result<Option<Token>, Failure> {
     token.map(Some).map_err(|error| Failure::usage(format!("{TOKEN}: {error}")))
 }
 
-fn read_reference(path: &PathBuf) -> Result<ReferencePicture, Failure> {
+fn read_reference(path: &Path) -> Result<ReferencePicture, Failure> {
     let planes = read_exr_planes(path)?;
     let lacking = || Failure::input(format!("{}: expected the channels R, G and B", path.display()));
     let pixels = planes.rgb().ok_or_else(lacking)?;

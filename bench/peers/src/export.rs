@@ -251,7 +251,7 @@ impl Export<'_> {
 fn write_ply(mesh: &Mesh, to_world: &Affine3A, flipped: bool, path: &Path) -> Result<()> {
     let has_normals = !mesh.normals.is_empty();
     let uvs = &mesh.uvs[0];
-    let normal_matrix = Mat3A::from(to_world.matrix3).inverse().transpose();
+    let normal_matrix = to_world.matrix3.inverse().transpose();
     let mut header =
         format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", mesh.positions.len());
     let normals = if has_normals { &["nx", "ny", "nz"][..] } else { &[] };

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use clap::Args;
-use quietus_render::{Control, Machinery, PathTracer, RenderSettings, Sampling, render};
+use quietus_render::{Control, Goal, Machinery, PathTracer, RenderSettings, Sampling, Watched, render};
 use quietus_trace::filter::Filter;
 use quietus_trace::scene::Scene;
 use quietus_trace::view::View;
@@ -43,8 +43,8 @@ pub(crate) fn draw(job: &Job) -> Result<()> {
     for seed in SEEDS {
         let view = View::new(&camera, [job.size; 2], Filter::BOX, job.max_depth, seed.into())?;
         let tracer = PathTracer { scene: &scene, view: &view };
-        let mut silent = |_: &_| ();
-        let mut control = Control { cancel: &AtomicBool::new(false), progress: &mut silent };
+        let mut silent = |_: &Watched<'_>| ();
+        let mut control = Control { cancel: &AtomicBool::new(false), watch: &mut silent, live: None };
         let drawn = render(&tracer, &settings(job), &mut control)?;
         wall.push(drawn.statistics.wall_seconds);
         cpu.push(drawn.statistics.cpu_seconds.context("the system does not tell CPU times")?);
@@ -68,7 +68,7 @@ fn settings(job: &Job) -> RenderSettings {
         frame,
         window: quietus_film::Window { x0: 0, y0: 0, x1: job.size, y1: job.size },
         sampling: Sampling::Uniform,
-        target_error: 1e-9,
+        goal: Goal::Limits,
         min_samples: job.samples,
         max_samples: job.samples,
         time_limit: None,

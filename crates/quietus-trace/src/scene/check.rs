@@ -86,7 +86,7 @@ fn quadric(place: Place, quadric: &Quadric) -> Result<(), Error> {
         value(
             place,
             "range of heights",
-            format!("{low}..{high}"),
+            format_args!("{low}..{high}"),
             sound,
             "finite numbers, the lower one first",
         )
@@ -95,7 +95,13 @@ fn quadric(place: Place, quadric: &Quadric) -> Result<(), Error> {
         Quadric::PartialSphere { radius, z_min, z_max, phi_max } => {
             above_zero("radius", radius).and(heights(z_min, z_max))?;
             let sound = -radius <= z_min && z_max <= radius;
-            value(place, "range of heights", format!("{z_min}..{z_max}"), sound, "a part of the sphere's")?;
+            value(
+                place,
+                "range of heights",
+                format_args!("{z_min}..{z_max}"),
+                sound,
+                "a part of the sphere's",
+            )?;
             phi_max
         }
         Quadric::Disk { height, radius, inner_radius, phi_max } => {
@@ -267,7 +273,7 @@ fn map(image: &Image) -> Result<(), Error> {
         let sound = [r, g, b].iter().all(|c| c.is_finite() && **c >= 0.0);
         let place =
             || format!("{}, column {}, row {}", place(), i % image.width as usize, i / image.width as usize);
-        value(&place, "texel", format!("({r}, {g}, {b})"), sound, "finite numbers of at least 0")?;
+        value(&place, "texel", format_args!("({r}, {g}, {b})"), sound, "finite numbers of at least 0")?;
     }
     Ok(())
 }

@@ -25,11 +25,34 @@ Examples:
   quietus render fox.glb --animation Walk --frames 0-47 -o fox.####.exr
   quietus render --sampling free-running --tree tree.svg --stats stats.json";
 
+const INFO_EXAMPLES: &str = "\
+Examples:
+  quietus info scene.glb      # cameras, lights, sizes, animations
+  quietus info picture.exr    # channels with their ranges, settings";
+
+/// Where scripts go.
+const COMPLETIONS: &str = "\
+Examples:
+  quietus completions bash > ~/.local/share/bash-completion/completions/quietus
+  quietus completions zsh > ~/.zfunc/_quietus          # with ~/.zfunc in fpath
+  quietus completions fish > ~/.config/fish/completions/quietus.fish
+  quietus completions powershell >> $PROFILE";
+
+/// What to try first of all.
+const FIRST_EXAMPLES: &str = "\
+Examples:
+  quietus                                      # draws the scene that is built in
+  quietus render scene.glb -o picture.exr -o picture.png
+  quietus inspect picture.exr
+  quietus convert picture.exr picture.png --tone agx
+  quietus compare before.exr after.exr";
+
 /// A path tracer that puts samples where the noise is.
 ///
 /// Without a command it draws the scene built into it and says where the pictures are.
 #[derive(Parser, Debug)]
-#[command(name = "quietus", version, after_help = EXIT_CODES, max_term_width = 100)]
+#[command(name = "quietus", version, max_term_width = 100)]
+#[command(after_help = format!("{FIRST_EXAMPLES}\n\n{EXIT_CODES}"))]
 pub(crate) struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -42,6 +65,14 @@ pub(crate) struct Cli {
     /// Say nothing but warnings, errors and what was asked for.
     #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Messages")]
     pub quiet: bool,
+
+    /// Take settings from this file, not from quietus.toml (see docs/config.md).
+    #[arg(long, global = true, value_name = "FILE", help_heading = "Settings file")]
+    pub config: Option<PathBuf>,
+
+    /// Take settings from no file.
+    #[arg(long, global = true, conflicts_with = "config", help_heading = "Settings file")]
+    pub no_config: bool,
 }
 
 /// What to do.
@@ -52,6 +83,7 @@ pub(crate) enum Command {
     /// Draw a scene and show it in a browser, where it can be steered; goes on until Ctrl-C.
     View(Box<RenderArgs>),
     /// Say what is in a scene or an EXR file.
+    #[command(after_help = format!("{INFO_EXAMPLES}\n\n{EXIT_CODES}"))]
     Info {
         /// A glTF 2.0 (.gltf, .glb) or pbrt-v4 (.pbrt) scene or an OpenEXR picture (.exr).
         file: PathBuf,
@@ -64,6 +96,14 @@ pub(crate) enum Command {
     Inspect(InspectArgs),
     /// Turn an EXR picture into a PNG or another EXR: exposure, tone curve, layers, denoising.
     Convert(ConvertArgs),
+    /// Say which settings file is used, and what it says.
+    Config,
+    /// Print a script that completes commands and flags in a shell.
+    #[command(after_help = COMPLETIONS)]
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
 }
 
 /// Flags of `quietus render`.

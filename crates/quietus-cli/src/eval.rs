@@ -19,9 +19,17 @@ use crate::args::parse_size;
 use crate::error::{EXIT_CODES, Ending, Failure};
 use crate::say;
 
+/// What to try first.
+const EXAMPLES: &str = "\
+Examples:
+  quietus eval                                  # the scene that is built in
+  quietus eval scene.glb --html report.html
+  quietus eval scene.glb --methods quietus,talk --budgets 64,256 --measure display
+  quietus eval --equivalence unbiased           # is a method free of bias?";
+
 /// Flags of `quietus eval`.
 #[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
+#[command(after_help = format!("{EXAMPLES}\n\n{EXIT_CODES}"))]
 pub(crate) struct EvalArgs {
     /// Scenes: `embedded`, or glTF 2.0 files (.gltf, .glb).
     #[arg(default_values = ["embedded"])]

@@ -2,6 +2,7 @@
 
 mod after;
 mod args;
+mod config;
 mod error;
 mod eval;
 mod interrupt;
@@ -14,25 +15,23 @@ mod report;
 mod say;
 mod source;
 mod timeline;
+mod trace_file;
 mod viewing;
 mod watching;
 mod wishes;
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::CommandFactory;
 
 use crate::args::{Cli, Command};
+use crate::config::Complete;
 use crate::error::{Ending, Failure};
+use crate::trace_file::TraceFile;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
-    logging::start(cli.verbose);
-    if cli.quiet {
-        say::be_quiet();
-    }
     // The hook has told what and where; what is left is the exit code.
-    let outcome = std::panic::catch_unwind(|| run(cli));
+    let outcome = std::panic::catch_unwind(run);
     let outcome =
         outcome.unwrap_or_else(|_| Err(Failure::internal("the program panicked; please report it")));
     match outcome {
@@ -44,26 +43,50 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(cli: Cli) -> Result<Ending, Failure> {
-    match cli.command {
-        Some(Command::Render(args)) => render::run(&args, false),
-        Some(Command::View(args)) => render::run(&args, true),
-        Some(Command::Info { file }) => {
-            say::result(after::info::describe(&file)?);
-            Ok(Ending::Success)
+fn run() -> Result<Ending, Failure> {
+    let Complete { cli, origin, has_settings } = config::complete(std::env::args_os().collect())?;
+    let trace = match &cli.command {
+        Some(Command::Render(args) | Command::View(args)) => {
+            args.watching.trace.as_deref().map(trace_file::start).transpose()?
         }
-        Some(Command::Eval(args)) => eval::run(&args),
-        Some(Command::Compare(args)) => after::compare::run(&args),
-        Some(Command::Inspect(args)) => after::inspect::run(&args),
-        Some(Command::Convert(args)) => after::convert::run(&args),
-        None => render::run(&built_in(), false),
+        _ => None,
+    };
+    let (trace, layer) = trace.unzip();
+    logging::start(cli.verbose, layer);
+    if cli.quiet {
+        say::be_quiet();
     }
+    tracing::info!("settings: {origin}");
+    let outcome = dispatch(&cli).map_err(|mut failure| {
+        // Who typed none of the flags should know where they come from.
+        if has_settings && failure.ending == Ending::Usage {
+            failure.message.push_str(&format!("\n(settings {origin})"));
+        }
+        failure
+    });
+    let traced = trace.map_or(Ok(()), TraceFile::finish);
+    outcome.and_then(|ending| traced.map(|()| ending))
 }
 
-/// `quietus` alone: `quietus render` without any flags.
-fn built_in() -> args::RenderArgs {
-    match Cli::parse_from(["quietus", "render"]).command {
-        Some(Command::Render(args)) => *args,
-        _ => unreachable!("`render` parses as `render`"),
+fn dispatch(cli: &Cli) -> Result<Ending, Failure> {
+    match &cli.command {
+        Some(Command::Render(args)) => render::run(args, false),
+        Some(Command::View(args)) => render::run(args, true),
+        Some(Command::Info { file }) => {
+            say::result(after::info::describe(file)?);
+            Ok(Ending::Success)
+        }
+        Some(Command::Eval(args)) => eval::run(args),
+        Some(Command::Compare(args)) => after::compare::run(args),
+        Some(Command::Inspect(args)) => after::inspect::run(args),
+        Some(Command::Convert(args)) => after::convert::run(args),
+        Some(Command::Config) => config::show(cli).map(|()| Ending::Success),
+        Some(Command::Completions { shell }) => {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "quietus", &mut script);
+            say::result(String::from_utf8_lossy(&script).trim_end());
+            Ok(Ending::Success)
+        }
+        None => unreachable!("a command is added where there is none"),
     }
 }

@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use quietus_film::{Layout, RejectedSamples, Window};
 use quietus_render::{
-    Bound, Control, Fault, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, Watched,
-    go_on, noise::measure_noise, render,
+    Bound, Control, Fault, Goal, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy,
+    Watched, go_on, noise::measure_noise, render,
 };
 use quietus_trace::desc::{Camera, SceneDesc};
 use quietus_trace::scene::Scene;
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &RenderArgs, stays: bool) -> Result<Ending, Failure> {
     }
     let plan = Plan::new(args)?;
     let start = Instant::now();
-    let mut source = Source::open(args, plan.timeline.as_ref())?;
+    let mut source = tracing::info_span!("open").in_scope(|| Source::open(args, plan.timeline.as_ref()))?;
     let cancel = interrupt::watch()?;
     let mut viewing = Viewing::start(args, stays)?;
     let Some(timeline) = &plan.timeline else {
@@ -122,7 +122,9 @@ pub(crate) fn keep(
     rendered: &Rendered,
 ) -> Result<Ending, Failure> {
     warn_of_rejected(&rendered.film.rejected(), args.seed);
+    let writing = tracing::info_span!("write").entered();
     let written = outputs(args, plan, ready, frame).write(rendered);
+    drop(writing);
     say::outcome(summary(plan, frame, rendered, &written.pictures));
     say::event("end", &ending(frame, rendered, &written.pictures));
     written.check()?;
@@ -141,6 +143,7 @@ fn prepare(
     start: Instant,
 ) -> Result<Ready, Failure> {
     let moment = plan.timeline.as_ref().zip(frame);
+    let parse = tracing::info_span!("parse").entered();
     let desc = source.scene(moment.map(|(timeline, frame)| timeline.shutter(frame)))?;
     let camera = pick_camera(&desc, args.camera.as_deref())?;
     let decided = plan.decide(args, camera, &desc.picture)?;
@@ -153,10 +156,13 @@ fn prepare(
         say::aside(format_args!("{} asks for: {}", scene_name(args), texts.join("; ")));
     }
     let unusable = |error: String| Failure::input(format!("{}: {error}", scene_name(args)));
+    drop(parse);
     let seconds = start.elapsed().as_secs_f64();
     tracing::info!("read {} in {seconds:.2} s", scene_name(args));
+    let build = tracing::info_span!("build").entered();
     let view = view(args, camera, settings.frame, &look).map_err(|error| unusable(error.to_string()))?;
     let scene = Scene::build(&desc).map_err(|error| unusable(error.to_string()))?;
+    drop(build);
     let load_seconds = start.elapsed().as_secs_f64();
     tracing::info!("built it in {:.2} s", load_seconds - seconds);
     let camera = camera.clone();
@@ -219,10 +225,12 @@ pub(crate) fn draw(
     };
     let (stop, live) = (stop.as_deref().unwrap_or(cancel), live.flatten());
     let control = &mut Control { cancel: stop, watch: &mut watch, live: live.as_deref() };
+    let rendering = tracing::info_span!("render").entered();
     let outcome = match before {
         Some(before) => go_on(&tracer, settings, before, control),
         None => render(&tracer, settings, control),
     };
+    drop(rendering);
     onlookers.leave(outcome.as_ref().ok().map(|rendered| &rendered.film));
     let mut rendered = outcome.map_err(|error| match error {
         RenderError::Panicked(fault) => {
@@ -242,12 +250,13 @@ pub(crate) fn draw(
 
 /// What comes closest to the share of the work done.
 fn measure(settings: &RenderSettings) -> Measure {
-    match (settings.sampling, settings.time_limit) {
-        (Sampling::Uniform, Some(limit)) if settings.max_samples == u32::MAX => Measure::Time(limit),
-        (Sampling::Uniform, _) => {
+    match (settings.goal, settings.time_limit) {
+        (Goal::Noise(_), _) => Measure::Noise,
+        (Goal::TargetError(_), _) => Measure::Converged,
+        (Goal::Limits, Some(limit)) if settings.max_samples == u32::MAX => Measure::Time(limit),
+        (Goal::Limits, _) => {
             Measure::Samples(settings.window.pixels() as f64 * f64::from(settings.max_samples))
         }
-        _ => Measure::Converged,
     }
 }
 

@@ -265,6 +265,69 @@ fn a_viewer_that_is_not_there_is_a_warning() {
     assert!(dir.path().join("a.png").exists());
 }
 
+#[test]
+fn a_trace_has_every_threads_passes_rebuilds_and_what_came_before() {
+    let dir = tempfile::tempdir().unwrap();
+    let flags =
+        "render -o a.png --size 64x48 --target-error 0.02 --max-samples 64 --threads 3 --trace t.json";
+    let output = run(dir.path(), flags);
+    assert!(output.status.success() && stderr(&output).is_empty(), "{}", stderr(&output));
+    let trace: Vec<Value> =
+        serde_json::from_slice(&std::fs::read(dir.path().join("t.json")).unwrap()).unwrap();
+    let names = trace.iter().filter(|event| event["ph"] == "M");
+    let names: BTreeMap<u64, String> =
+        names.map(|e| (e["tid"].as_u64().unwrap(), e["args"]["name"].as_str().unwrap().to_owned())).collect();
+    let threads: Vec<&str> = names.values().map(String::as_str).collect();
+    for thread in ["main", "render-0", "render-1", "render-2"] {
+        assert!(threads.contains(&thread), "{thread}: {threads:?}");
+    }
+    let slices = |name: &str| -> Vec<&Value> {
+        trace.iter().filter(|e| e["ph"] == "X" && e["name"].as_str().unwrap().starts_with(name)).collect()
+    };
+    for name in ["open", "parse", "build", "render", "write", "pass 0", "rebuild"] {
+        assert!(!slices(name).is_empty(), "{name}");
+    }
+    // Passes lie within the render, and hold all samples.
+    let number = |event: &Value, key: &str| event[key].as_f64().unwrap();
+    let render = slices("render")[0];
+    let (begin, end) = (number(render, "ts"), number(render, "ts") + number(render, "dur"));
+    for pass in slices("pass") {
+        let (from, to) = (number(pass, "ts"), number(pass, "ts") + number(pass, "dur"));
+        assert!(from >= begin && to <= end, "{pass} in {render}");
+    }
+    let samples: u64 = slices("pass").iter().map(|pass| pass["args"]["samples"].as_u64().unwrap()).sum();
+    let stats = run(dir.path(), &format!("{flags} --stats s.json"));
+    assert!(stats.status.success());
+    let stats: Value = serde_json::from_slice(&std::fs::read(dir.path().join("s.json")).unwrap()).unwrap();
+    assert_eq!(
+        (Some(samples), Some(slices("rebuild").len() as u64)),
+        (stats["samples"].as_u64(), stats["rebuilds"].as_u64())
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn a_trace_that_cannot_be_written_is_told_before_or_after_the_render() {
+    let dir = tempfile::tempdir().unwrap();
+    let output = run(dir.path(), "render -o a.png --size 8x8 --spp 1 --trace no/such/t.json");
+    assert_eq!(output.status.code(), Some(4));
+    assert!(
+        stderr(&output).starts_with("error: no/such/t.json: cannot write")
+            && !dir.path().join("a.png").exists()
+    );
+    let flags = "render -o a.png --size 64x36 --sampling uniform --time 1 --trace gone/t.json";
+    let gone = dir.path().join("gone");
+    std::fs::create_dir(&gone).unwrap();
+    let child = command(dir.path(), flags).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    wait_for("a trace in the making", || std::fs::read_dir(&gone).unwrap().next().is_some());
+    std::fs::remove_dir_all(&gone).unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(4), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("error: gone/t.json: cannot write") && dir.path().join("a.png").exists()
+    );
+}
+
 #[cfg(target_os = "linux")]
 mod terminal {
     use std::fs::{File, OpenOptions};
@@ -338,7 +401,7 @@ mod terminal {
     fn the_bar_stays_in_place_when_the_terminal_changes_and_warnings_come() {
         let dir = tempfile::tempdir().unwrap();
         let nowhere = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-        let flags = format!("render -o a.png --size 64x36 --sampling uniform --time 5 --tev {nowhere}");
+        let flags = format!("render -o a.png --size 64x36 --sampling uniform --time 5m --tev {nowhere}");
         let (mut terminal, mut child) = Terminal::start(command(dir.path(), &flags), 110);
         let is_bar = |line: &String| line.contains("of the time");
         let lines = terminal.wait("a bar", |lines| lines.iter().any(is_bar));
@@ -347,7 +410,7 @@ mod terminal {
             terminal.wait("a warning below the bar", |lines| lines.iter().any(|l| l.contains("warning")));
         assert!(is_bar(&lines[0]) && lines[1].contains("Mrays/s") && lines[2].starts_with("warning: tev at"));
         assert_eq!(lines.len(), 3, "{lines:#?}");
-        for columns in [40, 20, 90] {
+        for columns in [40, 24, 90] {
             terminal.resize(columns);
             let fits = |lines: &[String]| {
                 lines.len() == 3
@@ -357,9 +420,14 @@ mod terminal {
             };
             terminal.wait("three lines that fit", fits);
         }
+        let status = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(status.success());
         let lines = terminal.wait("the end", |lines| lines.iter().any(|line| line.starts_with("wrote")));
         assert!(!lines.iter().any(is_bar), "{lines:#?}");
-        assert_eq!(lines.iter().filter(|line| line.starts_with("warning")).count(), 1, "{lines:#?}");
-        assert!(child.wait().unwrap().success());
+        // What was said stays, each once.
+        for word in ["warning: tev at", "stopping; the picture so far"] {
+            assert_eq!(lines.iter().filter(|line| line.starts_with(word)).count(), 1, "{lines:#?}");
+        }
+        assert_eq!(child.wait().unwrap().code(), Some(130));
     }
 }

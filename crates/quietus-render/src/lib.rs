@@ -17,6 +17,7 @@ mod run;
 mod settings;
 mod statistics;
 mod steering;
+mod timeline;
 mod tracer;
 
 pub use fault::Fault;
@@ -28,4 +29,5 @@ pub use rounds::{go_on, render};
 pub use run::{Bound, Control, RenderError, Rendered, StoppedBy, Watched};
 pub use settings::{Goal, Machinery, RenderSettings, Sampling};
 pub use statistics::{LoggedRebuild, MOST_LOGGED, SampleStatistics, Statistics};
+pub use timeline::TIMELINE;
 pub use tracer::{PathTracer, Tracer};

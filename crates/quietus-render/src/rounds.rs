@@ -23,6 +23,7 @@ use crate::run::{Control, Counters, RenderError, Rendered, Round, StoppedBy, Wat
 use crate::settings::{Goal, RenderSettings, Sampling};
 use crate::statistics::Totals;
 use crate::steering::{Aim, Steering, TimeLeft, Verdict};
+use crate::timeline;
 use crate::tracer::Tracer;
 
 /// Renders until the goal is reached, the time is up or the caller cancels.
@@ -142,10 +143,11 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         mut aim: Aim,
         mut sampling: AdaptiveSampling,
     ) -> Result<Rendered, RenderError> {
+        sampling = observed(sampling);
         let stopped_by = loop {
             let clock = self.clock(control);
             let (start, before) = (clock.elapsed(), Counters::sum(&self.counters)[0]);
-            let stopped_by = self.round(&sampling, control)?;
+            let stopped_by = tracing::debug_span!("round").in_scope(|| self.round(&sampling, control))?;
             let drawn = Counters::sum(&self.counters)[0] - before;
             let pace = drawn as f64 / clock.elapsed().saturating_sub(start).as_secs_f64().max(1e-9);
             self.totals.add(&sampling);
@@ -157,7 +159,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
                 Decision::Stop(stopped_by) => break stopped_by,
                 Decision::GoOn(next) => aim = next,
             }
-            sampling = AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?;
+            sampling = observed(AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?);
         };
         let cpu = self.cpu_start.zip(process::cpu_time()).map(|(before, after)| after.saturating_sub(before));
         let [samples, rays] = Counters::sum(&self.counters);
@@ -300,10 +302,17 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         };
         // Relaxed: the flag guards no data.
         let is_cancelled = || cancel.load(Ordering::Relaxed) || clock.is_late();
+        let span = tracing::debug_span!("measure noise", number).entered();
         let measured = measuring.run(picture, is_cancelled, watch)?;
+        drop(span);
         self.totals.noise_samples += Counters::sum(&counters)[0];
         Ok(measured.ok_or_else(|| clock.stops(control).unwrap_or(StoppedBy::Done)))
     }
+}
+
+/// Lets whoever listens know of its rebuilds.
+fn observed(sampling: AdaptiveSampling) -> AdaptiveSampling {
+    if timeline::is_wanted() { sampling.observed_by(timeline::rebuilt) } else { sampling }
 }
 
 enum Decision {

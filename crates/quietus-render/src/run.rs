@@ -17,6 +17,7 @@ use crate::progress::Progress;
 use crate::rounds::Past;
 use crate::settings::Sampling;
 use crate::statistics::Statistics;
+use crate::timeline::Timeline;
 use crate::tracer::Tracer;
 
 /// How a caller watches and stops a render.
@@ -166,7 +167,11 @@ impl<T: Tracer> Round<'_, T> {
         let mut work = Vec::with_capacity(TILE_PIXELS * REPLICATES);
         let metric = self.sampling.settings().policy.metric();
         let mut worker = self.sampling.worker();
+        let mut timeline = Timeline::new();
         while let Some(visit) = self.next_visit(&mut worker) {
+            if let Some(timeline) = &mut timeline {
+                timeline.begin(visit.pass(), visit.slept());
+            }
             work.clear();
             work.extend(visit.pixels().map(|run| PixelWork {
                 x: run.x,
@@ -196,6 +201,9 @@ impl<T: Tracer> Round<'_, T> {
                 live.touch(visit.tile() as usize);
             }
             visit.finish(&errors);
+            if let Some(timeline) = &mut timeline {
+                timeline.finish(summary.drawn);
+            }
         }
     }
 

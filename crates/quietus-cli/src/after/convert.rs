@@ -52,8 +52,8 @@ pub(crate) struct ConvertArgs {
     #[arg(long)]
     pub denoise: bool,
 
-    /// Its library. Default: where the system keeps libraries.
-    #[arg(long, value_name = "FILE", requires = "denoise")]
+    /// The library that --denoise uses. Default: where the system keeps libraries.
+    #[arg(long, value_name = "FILE")]
     pub oidn: Option<PathBuf>,
 }
 

@@ -82,8 +82,9 @@ fn lines(measure: Measure, newest: Option<&Snapshot>, notes: &[String], columns:
     if let Some(snapshot) = newest {
         let words = share(measure, snapshot);
         let room = columns.saturating_sub(words.len() + 6).min(WIDEST);
+        let done = measure.share(snapshot).map_or(0.0, |(share, _)| share);
         lines.push(match room {
-            NARROWEST.. => format!("{} {words}", bar(measure.share(&snapshot.progress).0, room)),
+            NARROWEST.. => format!("{} {words}", bar(done, room)),
             _ => words,
         });
         lines.push(status(snapshot));
@@ -124,7 +125,7 @@ mod tests {
 
     #[test]
     fn only_the_newest_warnings_stand_below_the_bar() {
-        let snapshot = Snapshot { progress: progress(), spp_max: 5 };
+        let snapshot = Snapshot { progress: progress(), spp_max: 5, measured_at: 0 };
         let notes: Vec<String> = (0..7).map(|i| format!("warning: {i}")).collect();
         let lines = lines(Measure::Converged, Some(&snapshot), &notes, 80);
         assert_eq!(lines.len(), 2 + 1 + MOST_NOTES);

@@ -21,10 +21,15 @@ pub(super) struct Json {
 /// Keys of a `progress` event; `docs/terminal.md` explains them.
 #[derive(Serialize)]
 struct ProgressEvent {
-    share: f64,
+    share: Option<f64>,
     share_of: &'static str,
     elapsed_seconds: f64,
     remaining_seconds: Option<f64>,
+    noise_asked: Option<f64>,
+    noise_reached: Option<f64>,
+    noise_low: Option<f64>,
+    noise_high: Option<f64>,
+    noise_expected: Option<f64>,
     converged_fraction: f64,
     samples: u64,
     spp_mean: f64,
@@ -35,17 +40,25 @@ struct ProgressEvent {
 }
 
 impl ProgressEvent {
-    fn new(measure: Measure, &Snapshot { progress, spp_max }: &Snapshot) -> Self {
+    fn new(measure: Measure, snapshot: &Snapshot) -> Self {
+        let &Snapshot { progress, spp_max, .. } = snapshot;
         let Progress { elapsed, samples, spp_mean, samples_per_second, .. } = progress;
+        let percent = |share: f64| 100.0 * share;
+        let measured = progress.noise.and_then(|noise| noise.measured);
         Self {
-            share: measure.share(&progress).0,
+            share: measure.share(snapshot).map(|(share, _)| share),
             share_of: match measure {
                 Measure::Converged => "pixels",
-                Measure::Samples(_) => "samples",
+                Measure::Noise | Measure::Samples(_) => "samples",
                 Measure::Time(_) => "time",
             },
             elapsed_seconds: elapsed.as_secs_f64(),
             remaining_seconds: progress.remaining.map(|left| left.as_secs_f64()),
+            noise_asked: progress.noise.map(|noise| percent(noise.asked)),
+            noise_reached: measured.map(|noise| percent(noise.reached)),
+            noise_low: measured.map(|noise| percent(noise.low)),
+            noise_high: measured.map(|noise| percent(noise.high)),
+            noise_expected: progress.noise.and_then(|noise| noise.expected).map(percent),
             converged_fraction: progress.converged_fraction,
             samples,
             spp_mean,

@@ -61,7 +61,9 @@ mod tests {
     fn intervals_double_up_to_a_minute() {
         let mut lines = Lines::new(Measure::Converged);
         let at = |second| Progress { elapsed: Duration::from_secs(second), ..progress() };
-        let due = |second: &u64| lines.line(&Snapshot { progress: at(*second), spp_max: 1 }).is_some();
+        let due = |second: &u64| {
+            lines.line(&Snapshot { progress: at(*second), spp_max: 1, measured_at: 0 }).is_some()
+        };
         let said: Vec<u64> = (0..300).filter(due).collect();
         assert_eq!(said, [5, 10, 20, 40, 80, 140, 200, 260]);
     }

@@ -16,7 +16,8 @@ use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use quietus::AdaptiveSampling;
-use quietus_render::{Progress, Watched};
+use quietus_render::noise::Noise;
+use quietus_render::{NoiseProgress, Progress, Watched};
 
 use crate::say::{self, Kind};
 
@@ -48,6 +49,8 @@ const MOST_WAITING: usize = 1000;
 pub(crate) enum Measure {
     /// Pixels that are done.
     Converged,
+    /// The samples that the noise asked for will take.
+    Noise,
     /// So many samples.
     Samples(f64),
     /// So much time.
@@ -55,14 +58,16 @@ pub(crate) enum Measure {
 }
 
 impl Measure {
-    /// The share that is done, 0..=1, and what it is called.
-    fn share(self, progress: &Progress) -> (f64, &'static str) {
+    /// The share that is done, 0..=1, and what it is called; `None` while nobody knows.
+    fn share(self, snapshot: &Snapshot) -> Option<(f64, &'static str)> {
+        let progress = &snapshot.progress;
         let (share, name) = match self {
             Self::Converged => (progress.converged_fraction, "converged"),
+            Self::Noise => (snapshot.noise_share()?, "of the samples it will take"),
             Self::Samples(all) => (progress.samples as f64 / all, "drawn"),
             Self::Time(all) => (progress.elapsed.as_secs_f64() / all.as_secs_f64(), "of the time"),
         };
-        (share.clamp(0.0, 1.0), name)
+        Some((share.clamp(0.0, 1.0), name))
     }
 }
 
@@ -71,6 +76,18 @@ impl Measure {
 struct Snapshot {
     progress: Progress,
     spp_max: u32,
+    /// Samples there were when the noise was measured last.
+    measured_at: u64,
+}
+
+impl Snapshot {
+    /// Share of the samples that the noise asked for will take: the squared error falls as 1/n from where it was
+    /// measured last.
+    fn noise_share(&self) -> Option<f64> {
+        let NoiseProgress { asked, measured, .. } = self.progress.noise?;
+        let squared = (asked / measured?.reached).powi(2);
+        Some(squared * self.progress.samples as f64 / self.measured_at.max(1) as f64)
+    }
 }
 
 /// A way to show progress.
@@ -147,6 +164,8 @@ pub(crate) struct Reporter {
     display: Option<Display>,
     spp_max: u32,
     next_look: Option<Instant>,
+    /// The noise measured last, and the samples there were.
+    measured: (Option<Noise>, u64),
 }
 
 struct Display {
@@ -165,7 +184,7 @@ impl Reporter {
             ProgressArg::Bar => Some(Box::new(bar::Bar::new(measure))),
             ProgressArg::Plain | ProgressArg::Auto => Some(Box::new(lines::Lines::new(measure))),
         };
-        Self { display: show.and_then(Display::start), spp_max: 0, next_look: None }
+        Self { display: show.and_then(Display::start), spp_max: 0, next_look: None, measured: (None, 0) }
     }
 
     /// Takes in how far the render is.
@@ -178,7 +197,12 @@ impl Reporter {
         }
         // The mean is newer.
         let spp_max = self.spp_max.max(watched.progress.spp_mean.ceil() as u32);
-        display.inbox.lock().newest = Some(Snapshot { progress: watched.progress, spp_max });
+        let progress = watched.progress;
+        let noise = progress.noise.and_then(|noise| noise.measured);
+        if noise != self.measured.0 {
+            self.measured = (noise, progress.samples);
+        }
+        display.inbox.lock().newest = Some(Snapshot { progress, spp_max, measured_at: self.measured.1 });
     }
 }
 
@@ -255,7 +279,8 @@ mod tests {
         let inbox = Inbox::default();
         inbox.take(Kind::Warning, "one".to_owned());
         inbox.take(Kind::Note, "two".to_owned());
-        inbox.lock().newest = Some(Snapshot { progress: words::tests::progress(), spp_max: 3 });
+        inbox.lock().newest =
+            Some(Snapshot { progress: words::tests::progress(), spp_max: 3, measured_at: 0 });
         inbox.lock().is_over = true;
         inbox.serve(&mut Recorder(Arc::clone(&shown)));
         assert_eq!(*shown.lock().unwrap(), ["one", "two", "10 samples", "closed"]);

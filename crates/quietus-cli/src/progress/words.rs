@@ -2,24 +2,37 @@
 
 use std::time::Duration;
 
+use quietus_render::NoiseProgress;
+
 use super::{Measure, Snapshot};
 
 /// How far it is, as a share of `measure`.
 pub(super) fn share(measure: Measure, snapshot: &Snapshot) -> String {
-    let (share, name) = measure.share(&snapshot.progress);
-    format!("{:.1} % {name}", 100.0 * share)
+    match measure.share(snapshot) {
+        Some((share, name)) => format!("{:.1} % {name}", 100.0 * share),
+        None => "noise not measured yet".to_owned(),
+    }
 }
 
-/// Samples, speed and time.
+/// Noise, samples, speed and time.
 pub(super) fn status(snapshot: &Snapshot) -> String {
-    let Snapshot { progress, spp_max } = snapshot;
+    let Snapshot { progress, spp_max, .. } = snapshot;
     let left = progress.remaining.map_or_else(|| "?".to_owned(), duration);
     format!(
-        "{:.1} spp (at most {spp_max}), {:.2} Mrays/s, {} done, {left} left",
+        "{}{:.1} spp (at most {spp_max}), {:.2} Mrays/s, {} done, {left} left",
+        progress.noise.as_ref().map_or_else(String::new, noise),
         progress.spp_mean,
         progress.rays_per_second / 1e6,
         duration(progress.elapsed),
     )
+}
+
+/// In percent of white.
+fn noise(&NoiseProgress { asked, measured, expected }: &NoiseProgress) -> String {
+    let percent = |share: f64| format!("{} %", (1e4 * share).round() / 100.0);
+    let measured = measured.map_or_else(|| "?".to_owned(), |noise| percent(noise.reached));
+    let end = expected.map_or_else(String::new, |noise| format!(", will end at {}", percent(noise)));
+    format!("noise {measured} of {} asked{end}, ", percent(asked))
 }
 
 /// Hours, minutes and seconds as `1:02:03` or `2:03`.
@@ -35,6 +48,7 @@ fn duration(time: Duration) -> String {
 #[cfg(test)]
 pub(super) mod tests {
     use quietus_render::Progress;
+    use quietus_render::noise::Noise;
 
     use super::*;
 
@@ -55,13 +69,31 @@ pub(super) mod tests {
 
     #[test]
     fn words_tell_share_speed_and_time() {
-        let snapshot = Snapshot { progress: progress(), spp_max: 64 };
+        let snapshot = Snapshot { progress: progress(), spp_max: 64, measured_at: 5 };
         let expected = "12.3 spp (at most 64), 12.34 Mrays/s, 1:03 done, 1:02:03 left";
         assert_eq!(status(&snapshot), expected);
         assert_eq!(share(Measure::Converged, &snapshot), "50.0 % converged");
         assert_eq!(share(Measure::Samples(40.0), &snapshot), "25.0 % drawn");
         assert_eq!(share(Measure::Time(Duration::from_secs(7)), &snapshot), "100.0 % of the time");
-        let unknown = Snapshot { progress: Progress { remaining: None, ..progress() }, spp_max: 64 };
+        let unknown =
+            Snapshot { progress: Progress { remaining: None, ..progress() }, spp_max: 64, measured_at: 5 };
         assert!(status(&unknown).ends_with("? left"));
+    }
+
+    #[test]
+    fn noise_is_told_as_far_as_it_is_known() {
+        let asked = NoiseProgress { asked: 0.01, measured: None, expected: None };
+        let of = |noise| Snapshot {
+            progress: Progress { noise: Some(noise), ..progress() },
+            spp_max: 64,
+            measured_at: 5,
+        };
+        assert!(status(&of(asked)).starts_with("noise ? of 1 % asked, 12.3 spp"));
+        assert_eq!(share(Measure::Noise, &of(asked)), "noise not measured yet");
+        let noise = Noise { reached: 0.0231, low: 0.02, high: 0.03 };
+        let known = NoiseProgress { measured: Some(noise), expected: Some(0.0125), ..asked };
+        assert!(status(&of(known)).starts_with("noise 2.31 % of 1 % asked, will end at 1.25 %, 12.3"));
+        // (1 / 2.31)^2 of the samples when it was measured, and twice as many now.
+        assert_eq!(share(Measure::Noise, &of(known)), "37.5 % of the samples it will take");
     }
 }

@@ -32,6 +32,10 @@ pub(crate) struct WatchingArgs {
     /// Show the picture so far in the viewer tev, which listens there; its port is 14158 unless you say otherwise.
     #[arg(long, value_name = "HOST[:PORT]", value_parser = tev::parse_address)]
     pub tev: Option<String>,
+
+    /// Write here what every thread did when: https://ui.perfetto.dev and chrome://tracing show it.
+    #[arg(long, value_name = "FILE.json")]
+    pub trace: Option<PathBuf>,
 }
 
 /// After the first picture, tev gets one that often.

@@ -23,6 +23,7 @@ impl Recipient for Saver {
     const NAME: &'static str = "--save-every";
 
     fn receive(&mut self, picture: &Picture, elapsed: Duration) {
+        let _span = tracing::debug_span!("save").entered();
         let mut metadata = self.metadata.clone();
         metadata.push(("unfinished".to_owned(), format!("{:.1} s", elapsed.as_secs_f64())));
         let errors = self.outputs.iter().filter_map(|(path, format)| {

@@ -55,7 +55,11 @@ pub struct AdaptiveSampling {
     first_pass: u64,
     /// Whether it goes on from pixels below the minimum of samples.
     lacks_minimum: bool,
+    observer: Option<Observer>,
 }
+
+/// Is told of every rebuild.
+type Observer = Box<dyn Fn(&RebuildRecord) + Send + Sync>;
 
 /// When the picture is finished.
 enum FinishRule {
@@ -117,6 +121,7 @@ impl AdaptiveSampling {
             progress,
             untreed_passes: untreed_passes(&settings),
             first_pass: start.map_or(0, |start| start.passes(&settings.pass_counts())),
+            observer: None,
             lacks_minimum: start.is_some_and(|start| start.is_below(settings.min_samples, &grid)),
             regions,
             settings,
@@ -127,6 +132,13 @@ impl AdaptiveSampling {
     #[cfg(any(test, loom, shuttle))]
     pub fn with_fault(mut self, fault: Option<crate::protocol::Fault>) -> Self {
         self.protocol = self.protocol.with_fault(fault);
+        self
+    }
+
+    /// The same, but each rebuild is told to `observer`, on the thread that has just made it and while the tree's region
+    /// is locked: it should be quick.
+    pub fn observed_by(mut self, observer: impl Fn(&RebuildRecord) + Send + Sync + 'static) -> Self {
+        self.observer = Some(Box::new(observer));
         self
     }
 

@@ -178,7 +178,11 @@ impl AdaptiveSampling {
         // Relaxed: a progress report.
         self.progress[index as usize].active_pixels.store(active_pixels, Ordering::Relaxed);
         let nodes = state.rule.tree().map_or(0, |tree| tree.nodes().len());
-        state.rebuilds.push(RebuildRecord { region: index, generation, nanoseconds, nodes, active_pixels });
+        let record = RebuildRecord { region: index, generation, nanoseconds, nodes, active_pixels };
+        state.rebuilds.push(record);
+        if let Some(observer) = &self.observer {
+            observer(&record);
+        }
     }
 
     /// Nothing was drawn, so the errors are what they were: the latest tree is this one, too. The rule is not

@@ -1,6 +1,6 @@
 //! One visit of a tile: which samples to draw, and the errors that come back.
 
-use std::ops::Range;
+use std::{ops::Range, time::Duration};
 
 use super::{AdaptiveSampling, FinishRule, Worker};
 use crate::{
@@ -47,6 +47,11 @@ impl<'w, 'a> Visit<'w, 'a> {
     /// The pass, from 0.
     pub fn pass(&self) -> u64 {
         self.turn.pass
+    }
+
+    /// How long its worker has slept by now because nothing was eligible, all visits together.
+    pub fn slept(&self) -> Duration {
+        Duration::from_nanos(self.worker.slept_nanoseconds)
     }
 
     /// The pixels to draw, bit `8 y + x`; at least one.

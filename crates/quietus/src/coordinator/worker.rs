@@ -7,11 +7,13 @@ use crate::protocol::{Outcome, Skips, Turn};
 pub struct Worker<'a> {
     pub(super) sampling: &'a AdaptiveSampling,
     pub(super) tally: Tally,
+    /// All it ever slept.
+    pub(super) slept_nanoseconds: u64,
 }
 
 impl<'a> Worker<'a> {
     pub(super) fn new(sampling: &'a AdaptiveSampling) -> Self {
-        Self { sampling, tally: Tally::default() }
+        Self { sampling, tally: Tally::default(), slept_nanoseconds: 0 }
     }
 
     /// The next tile to draw. Sleeps while nothing is eligible; `None` once the picture is finished or the
@@ -24,7 +26,10 @@ impl<'a> Worker<'a> {
                 self.tally.skips += skips.tiles.len() as u64;
                 sampling.skip(skips);
             }
-            let Some(turn) = sampling.protocol.next_turn(&mut self.tally.idle_nanoseconds) else {
+            let slept_before = self.tally.idle_nanoseconds;
+            let turn = sampling.protocol.next_turn(&mut self.tally.idle_nanoseconds);
+            self.slept_nanoseconds += self.tally.idle_nanoseconds - slept_before;
+            let Some(turn) = turn else {
                 sampling.counters.add(&mut self.tally);
                 return None;
             };

@@ -368,7 +368,7 @@ fn parse_error(text: &str) -> Result<f64, String> {
 }
 
 /// As a share.
-fn parse_noise(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_noise(text: &str) -> Result<f64, String> {
     let percent = text.strip_suffix('%').unwrap_or(text).trim_end().parse::<f64>();
     match percent {
         Ok(percent) if percent > 0.0 && percent <= 100.0 => Ok(percent / 100.0),

@@ -2,12 +2,14 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clap::Args;
 use quietus_eval::{
-    EvalError, Look, Method, Study, StudySpec, Subject, cache_directory,
+    EvalError, Look, Method, Reference, Study, StudySpec, Subject, cache_directory,
     compare::{Comparison, compare},
     equivalence::{EquivalencePlan, equivalence},
+    goals::{Asked, GoalPlan, goal_runs},
     live::{Live, live},
     measure::Measure,
     report,
@@ -15,7 +17,7 @@ use quietus_eval::{
 };
 use quietus_film::{check_writable, write_atomically};
 
-use crate::args::parse_size;
+use crate::args::{parse_noise, parse_size, parse_time};
 use crate::error::{EXIT_CODES, Ending, Failure};
 use crate::say;
 
@@ -98,6 +100,17 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "METHOD", value_parser = parse_method, conflicts_with_all = ["methods", "html"])]
     equivalence: Option<Method>,
 
+    /// Test instead whether renders get the noises they are asked for, in percent of white: --runs of each (default
+    /// 20), with seeds of their own. Pictures are at the exposure that the scene asks for.
+    #[arg(long, value_name = "P%,...", value_delimiter = ',', value_parser = parse_noise)]
+    #[arg(conflicts_with_all = ["methods", "html", "equivalence"])]
+    noise: Vec<f64>,
+
+    /// As --noise, for renders that are asked for times.
+    #[arg(long, value_name = "DURATION,...", value_delimiter = ',', value_parser = parse_time)]
+    #[arg(conflicts_with_all = ["methods", "html", "equivalence"])]
+    time: Vec<Duration>,
+
     /// Also render each live, so many times: CPU time, gain at equal time, and whether replays are what renders do.
     #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "equivalence")]
     live: u32,
@@ -143,6 +156,9 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending, Failure> {
     }
     if let Some(method) = args.equivalence {
         return show_equivalence(args, method);
+    }
+    if !args.noise.is_empty() || !args.time.is_empty() {
+        return show_goals(args);
     }
     let mut found = Vec::new();
     for source in &args.scenes {
@@ -196,6 +212,54 @@ fn show_equivalence(args: &EvalArgs, method: Method) -> Result<Ending, Failure> 
     Ok(Ending::Success)
 }
 
+fn study_spec(args: &EvalArgs) -> StudySpec {
+    StudySpec {
+        look: look(args),
+        streams: args.streams,
+        samples: args.samples.unwrap_or(512),
+        seed: args.seed,
+        reference_spp: args.reference_spp,
+    }
+}
+
+/// `--noise` and `--time`: what renders that are asked for them come to.
+fn show_goals(args: &EvalArgs) -> Result<Ending, Failure> {
+    use report::goals::{NOISE_HEAD, TIME_HEAD, noise_row, time_row};
+    let (mut all, mut rows) = (Vec::new(), [vec![NOISE_HEAD.to_owned()], vec![TIME_HEAD.to_owned()]]);
+    for source in &args.scenes {
+        let subject = subject(source)?.as_shown();
+        let spec = study_spec(args);
+        let path = spec.shown_path(&args.cache.clone().unwrap_or_else(cache_directory), &subject.name);
+        let spec = spec.reference(&subject.name);
+        let drawing = || say::aside(format_args!("{source}: drawing the reference"));
+        let reference = Reference::open_or_render(&subject, &spec, &path, drawing)?;
+        let noises = args.noise.iter().map(|&noise| Asked::Noise(noise));
+        for asked in noises.chain(args.time.iter().map(|&time| Asked::Time(time))) {
+            let plan = GoalPlan {
+                asked,
+                runs: u32::try_from(args.runs.unwrap_or(20)).unwrap_or(u32::MAX),
+                seed: args.seed,
+                min_samples: args.min_samples.unwrap_or(16),
+                max_samples: args.samples.map_or(u32::MAX, |samples| samples.saturating_mul(2)),
+            };
+            let runs = goal_runs(&subject, &reference, &plan)?;
+            let (table, row) = match asked {
+                Asked::Noise(noise) => (0, noise_row(&subject.name, noise, &runs)),
+                Asked::Time(_) => (1, time_row(&subject.name, asked, &runs)),
+            };
+            say::aside(&row);
+            rows[table].push(row);
+            all.push((subject.name.clone(), runs));
+        }
+    }
+    rows.iter().filter(|rows| rows.len() > 1).for_each(|rows| say::result(rows.join("\n")));
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::internal(e.to_string()))?;
+        write(path, &text)?;
+    }
+    Ok(Ending::Success)
+}
+
 fn subject(source: &str) -> Result<Subject, Failure> {
     let subject = Subject::open(source)?;
     for warning in &subject.warnings {
@@ -229,13 +293,7 @@ fn render_live(
 }
 
 fn open(args: &EvalArgs, source: &str, subject: &Subject) -> Result<Study, Failure> {
-    let spec = StudySpec {
-        look: look(args),
-        streams: args.streams,
-        samples: args.samples.unwrap_or(512),
-        seed: args.seed,
-        reference_spp: args.reference_spp,
-    };
+    let spec = study_spec(args);
     let directory = args.cache.clone().unwrap_or_else(cache_directory);
     let mut last = (String::new(), -1);
     let tell = |what: &str, share: f64| {

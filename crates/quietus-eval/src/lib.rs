@@ -24,6 +24,7 @@ pub mod discovery;
 pub mod equivalence;
 mod error;
 mod files;
+pub mod goals;
 pub mod limit;
 pub mod live;
 pub mod measure;

@@ -48,6 +48,11 @@ impl StudySpec {
         }
     }
 
+    /// Where the reference of the scene called `scene`, as it is shown, is in `directory`.
+    pub fn shown_path(&self, directory: &Path, scene: &str) -> PathBuf {
+        self.path(directory, scene, "shown-reference.exr")
+    }
+
     /// Where the files of the scene called `scene` are in `directory`.
     fn path(&self, directory: &Path, scene: &str, rest: &str) -> PathBuf {
         let Look { width, height, max_depth, filter } = &self.look;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use glam::Vec3;
 use quietus_scene::{Warning, embedded, load};
 use quietus_trace::{desc, filter::Filter, scene::Scene, view::View};
 use serde::{Deserialize, Serialize};
@@ -17,6 +18,9 @@ pub struct Subject {
     pub warnings: Vec<Warning>,
     pub(crate) scene: Scene,
     camera: desc::Camera,
+    /// What its author multiplies radiance by.
+    wished_exposure: Vec3,
+    exposure: Vec3,
 }
 
 /// How a subject is looked at. Pictures with equal looks can be compared.
@@ -87,13 +91,20 @@ impl Subject {
     pub fn new(name: &str, scene: &desc::SceneDesc, warnings: Vec<Warning>) -> Result<Self, EvalError> {
         let no_camera = || EvalError::Request(format!("{name}: the scene has no camera"));
         let camera = scene.cameras.first().ok_or_else(no_camera)?.clone();
+        let wished_exposure = scene.picture.exposure.unwrap_or(Vec3::ONE);
         let scene =
             Scene::build(scene).map_err(|source| EvalError::Build { scene: name.to_owned(), source })?;
-        Ok(Self { name: name.to_owned(), warnings, scene, camera })
+        Ok(Self { name: name.to_owned(), warnings, scene, camera, wished_exposure, exposure: Vec3::ONE })
+    }
+
+    /// The same at the exposure that the scene asks for, as it is shown, instead of with radiance as it is.
+    pub fn as_shown(self) -> Self {
+        Self { exposure: self.wished_exposure, ..self }
     }
 
     pub(crate) fn view(&self, look: &Look, seed: u64) -> Result<View, EvalError> {
         View::new(&self.camera, [look.width, look.height], look.filter()?, look.max_depth, seed)
+            .and_then(|view| view.with_exposure(self.exposure, f32::INFINITY))
             .map_err(|source| EvalError::Camera { scene: self.name.clone(), source })
     }
 }

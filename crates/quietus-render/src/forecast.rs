@@ -2,16 +2,19 @@
 
 use quietus::{AdaptiveSampling, PassCounts, Policy};
 
-use crate::noise::{Finished, pooled_differences};
+use crate::noise::{Finished, pooled_differences, squared_differences};
 
 /// Pixels that a forecast looks at, about: spread evenly, they stand for all.
 const PIXELS: usize = 1 << 16;
 
-/// Largest factor that is looked at: beyond, every pixel is at its maximum.
+/// Largest factor that is looked at: beyond, every pixel is at its maximum. Below its inverse, none gets any more.
 const LARGEST_FACTOR: f64 = 1e12;
 
 /// Factors are found to this precision.
 const FACTOR_STEP: f64 = 1.002;
+
+/// And those of guesses to this one.
+const GUESS_STEP: f64 = 1.03;
 
 /// Logarithm of a fall below which the exponent is not learnt from it.
 const LEAST_FALL: f64 = 0.3;
@@ -90,6 +93,36 @@ impl Forecast {
         (expected > LEAST_FALL && fell.is_finite()).then(|| fell / expected)
     }
 
+    /// The samples that a picture will take to the noise `asked` for, guessed from what it looks like while every pixel has
+    /// about the same few samples, at least `least`: dealt in proportion to noise, or to all alike.
+    pub(crate) fn guess(picture: &Finished<'_>, asked: f64, least: f64, is_dealt: bool) -> f64 {
+        let pixels = picture.counts.len() as f64;
+        let goal = asked.powi(2) * pixels;
+        // Noise of a sample: the pixel's own, and pooled to deal by.
+        let noises: Vec<[f64; 2]> = squared_differences(picture)
+            .iter()
+            .zip(pooled_differences(picture))
+            .zip(picture.counts)
+            .map(|((own, pooled), &count)| [own, &pooled].map(|square| square / 12.0 * f64::from(count)))
+            .collect();
+        if !is_dealt {
+            return (noises.iter().map(|[own, _]| own).sum::<f64>() / goal).max(least) * pixels;
+        }
+        let roots: Vec<f64> = noises.iter().map(|[_, pooled]| pooled.sqrt()).collect();
+        let left = |scale: f64| -> f64 {
+            noises.iter().zip(&roots).map(|([own, _], root)| own / (scale * root).max(least)).sum()
+        };
+        let (mut below, mut above) = (1.0, LARGEST_FACTOR);
+        while above / below > GUESS_STEP {
+            let middle = f64::sqrt(below * above);
+            match left(middle) > goal {
+                true => below = middle,
+                false => above = middle,
+            }
+        }
+        roots.iter().map(|root| (above * root).max(least)).sum()
+    }
+
     /// With quotas larger by `factor`.
     pub(crate) fn at(&self, factor: f64) -> Ahead {
         let (mut samples, mut square, mut samples_now, mut square_now) = (0.0, 0.0, 0.0, 0.0);
@@ -104,9 +137,9 @@ impl Forecast {
         Ahead { factor, samples: samples / f64::max(samples_now, 1.0), square }
     }
 
-    /// The least factor from 1 on at which `is_enough`, which must stay so for all larger ones; `None` where it never is.
+    /// The least factor at which `is_enough`, which must stay so for all larger ones; `None` where it never is.
     pub(crate) fn least(&self, is_enough: impl Fn(&Ahead) -> bool) -> Option<Ahead> {
-        let (mut below, mut above) = (self.at(1.0), self.limit());
+        let (mut below, mut above) = (self.at(1.0 / LARGEST_FACTOR), self.limit());
         if is_enough(&below) {
             return Some(below);
         }
@@ -131,20 +164,25 @@ impl Forecast {
 
     /// What a pixel will have.
     fn count(&self, pixel: &Pixel, factor: f64) -> u32 {
-        let (count, quota) = (pixel.count, factor * pixel.quota);
-        if f64::from(count) >= quota {
-            return count;
-        }
-        let Some(&last) = self.steps.last() else {
-            return even(quota).clamp(count, self.counts.max_samples.max(count));
-        };
-        // Trees that lag behind draw a pixel again that has its quota, and at least as often as they lag.
-        let lag = self.counts.lag as usize;
-        let now = self.steps.partition_point(|&step| step < count);
-        let enough = self.steps.partition_point(|&step| f64::from(step) < quota);
-        let then = (enough + lag - 1).max(now + lag);
-        self.steps.get(then).copied().unwrap_or(last).max(count)
+        count_at(&self.steps, &self.counts, pixel.count, factor * pixel.quota)
     }
+}
+
+/// What a pixel of `count` samples will have that is to have `quota`, and comes by the counts `steps`; any count where there
+/// are none.
+fn count_at(steps: &[u32], counts: &PassCounts, count: u32, quota: f64) -> u32 {
+    if f64::from(count) >= quota {
+        return count;
+    }
+    let Some(&last) = steps.last() else {
+        return even(quota).clamp(count, counts.max_samples.max(count));
+    };
+    // Trees that lag behind draw a pixel again that has its quota, and at least as often as they lag.
+    let lag = counts.lag as usize;
+    let now = steps.partition_point(|&step| step < count);
+    let enough = steps.partition_point(|&step| f64::from(step) < quota);
+    let then = (enough + lag - 1).max(now + lag);
+    steps.get(then).copied().unwrap_or(last).max(count)
 }
 
 /// Rounded up to whole samples of both replicates.
@@ -157,6 +195,18 @@ pub(crate) fn even(samples: f64) -> u32 {
 fn steps(counts: &PassCounts) -> Vec<u32> {
     let next = |&count: &u32| (count < counts.max_samples).then(|| counts.next(count));
     std::iter::successors(Some(0), next).collect()
+}
+
+/// The samples that all pixels will have if quotas are multiplied by `factor`; `None` where there are none yet.
+pub(crate) fn samples_at(sampling: &AdaptiveSampling, factor: f64) -> Option<f64> {
+    (0..sampling.grid().tiles()).find_map(|tile| sampling.quotas(tile))?;
+    let counts = sampling.settings().pass_counts();
+    let steps = steps(&counts);
+    let mut sum = 0.0;
+    for_each_pixel(sampling, |_, count, quota| {
+        sum += f64::from(count_at(&steps, &counts, count, factor * quota));
+    });
+    Some(sum)
 }
 
 /// Calls `look` with place (row by row), samples and quota of each pixel.

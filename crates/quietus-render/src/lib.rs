@@ -9,6 +9,7 @@ mod fault;
 mod forecast;
 mod live;
 pub mod noise;
+mod outlook;
 mod pixel_errors;
 mod process;
 mod progress;

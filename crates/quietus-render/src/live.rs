@@ -20,6 +20,8 @@ pub struct Live {
     is_paused: AtomicBool,
     gate: Mutex<Gate>,
     opened: Condvar,
+    /// The noise asked for since the render began.
+    noise: Mutex<Option<f64>>,
 }
 
 #[derive(Debug, Default)]
@@ -38,6 +40,7 @@ impl Live {
             is_paused: AtomicBool::new(false),
             gate: Mutex::default(),
             opened: Condvar::new(),
+            noise: Mutex::default(),
         }
     }
 
@@ -66,6 +69,20 @@ impl Live {
     pub fn paused_for(&self) -> Duration {
         let gate = self.lock();
         gate.paused + gate.closed_since.map_or(Duration::ZERO, |since| since.elapsed())
+    }
+
+    /// Asks for another noise, as a share of white: the render goes on to it from what it has, or ends where it has it. It
+    /// takes the place of any other goal, where the way of sampling can be steered for noise; else, and where the number
+    /// is not above 0, nothing changes.
+    pub fn ask_noise(&self, share: f64) {
+        if share > 0.0 && share.is_finite() {
+            *self.noise.lock().unwrap_or_else(PoisonError::into_inner) = Some(share);
+        }
+    }
+
+    /// The noise that was asked for last by [`Self::ask_noise`].
+    pub fn asked_noise(&self) -> Option<f64> {
+        *self.noise.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The tiles that changed since this was last asked, in the film's order. Each has at least the samples of the

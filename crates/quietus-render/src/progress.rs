@@ -50,8 +50,23 @@ const LEAST_SHARE: f64 = 0.02;
 struct Point {
     seconds: f64,
     samples: u64,
+    /// Samples, those that measure the noise included.
+    work: f64,
     rays: u64,
     converged: f64,
+}
+
+/// What was drawn so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Drawn {
+    /// Samples in the picture.
+    pub(crate) samples: u64,
+    /// Samples that measured its noise.
+    pub(crate) measuring: u64,
+    /// Rays traced for the picture.
+    pub(crate) rays: u64,
+    /// Samples of both kinds that there are expected to be in the end, where that is known.
+    pub(crate) total: Option<f64>,
 }
 
 /// Turns readings into [`Progress`].
@@ -70,13 +85,15 @@ impl Estimator {
         Self { pixels: pixels as f64, most_samples, limit, history: VecDeque::new() }
     }
 
-    pub(crate) fn reading(&mut self, elapsed: Duration, samples: u64, rays: u64, converged: f64) -> Progress {
-        let now = Point { seconds: elapsed.as_secs_f64(), samples, rays, converged };
+    pub(crate) fn reading(&mut self, elapsed: Duration, drawn: Drawn, converged: f64) -> Progress {
+        let Drawn { samples, measuring, rays, total } = drawn;
+        let work = (samples + measuring) as f64;
+        let now = Point { seconds: elapsed.as_secs_f64(), samples, work, rays, converged };
         let since = now.seconds * (1.0 - RECENT);
         while self.history.len() > 1 && self.history[1].seconds <= since {
             self.history.pop_front();
         }
-        let start = Point { seconds: 0.0, samples: 0, rays: 0, converged: 0.0 };
+        let start = Point { seconds: 0.0, samples: 0, work: 0.0, rays: 0, converged: 0.0 };
         let before = self.history.front().copied().unwrap_or(start);
         self.history.push_back(now);
         let span = (now.seconds - before.seconds).max(1e-9);
@@ -90,17 +107,22 @@ impl Estimator {
             rays,
             rays_per_second,
             converged_fraction: converged,
-            remaining: self.remaining(before, now, rate).map(Duration::from_secs_f64),
+            remaining: self.remaining(before, now, total).map(Duration::from_secs_f64),
             noise: None,
         }
     }
 
-    /// The least of three ends: the share converged grows on as lately, the most samples possible, the time limit.
-    fn remaining(&self, before: Point, now: Point, rate: f64) -> Option<f64> {
-        let growth = (now.converged - before.converged) / (now.seconds - before.seconds).max(1e-9);
-        let by_share = (now.converged >= LEAST_SHARE && growth > 0.0).then(|| (1.0 - now.converged) / growth);
-        let by_samples =
-            self.most_samples.filter(|_| rate > 0.0).map(|most| (most - now.samples as f64) / rate);
+    /// The least of three ends: the samples that the render is expected to take or, where nobody knows, the share converged
+    /// grows on as lately; the most samples possible; the time limit.
+    fn remaining(&self, before: Point, now: Point, total: Option<f64>) -> Option<f64> {
+        let span = (now.seconds - before.seconds).max(1e-9);
+        let growth = (now.converged - before.converged) / span;
+        let by_share =
+            || (now.converged >= LEAST_SHARE && growth > 0.0).then(|| (1.0 - now.converged) / growth);
+        let rate = (now.work - before.work) / span;
+        let until = |samples: f64| (rate > 0.0).then(|| (samples - now.work).max(0.0) / rate);
+        let by_share = if total.is_some() { total.and_then(until) } else { by_share() };
+        let by_samples = self.most_samples.and_then(until);
         let by_limit = self.limit.map(|limit| limit - now.seconds);
         let least = [by_share, by_samples, by_limit].into_iter().flatten().reduce(f64::min)?;
         // A guess of centuries helps nobody, and would not fit a `Duration` for ever.
@@ -117,7 +139,8 @@ mod tests {
         let mut last = None;
         for i in 1..=50 {
             let (samples, rays) = (1000 * u64::from(i), 5000 * u64::from(i));
-            last = Some(estimator.reading(seconds(i), samples, rays, converged(f64::from(i) / 50.0)));
+            let drawn = Drawn { samples, rays, ..Drawn::default() };
+            last = Some(estimator.reading(seconds(i), drawn, converged(f64::from(i) / 50.0)));
         }
         last.unwrap()
     }
@@ -133,6 +156,16 @@ mod tests {
         assert!((progress.rays_per_second - 50_000.0).abs() < 1e-6);
         assert!((progress.spp_mean - 500.0).abs() < 1e-9);
         assert!((left(&progress) - 5.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_is_known_of_the_end_goes_before_what_is_guessed_of_it() {
+        let mut estimator = Estimator::new(100, None, None);
+        run(&mut estimator, |t| 0.25 * t);
+        // 100 samples in a tenth of a second.
+        let drawn = Drawn { samples: 51_000, measuring: 0, rays: 0, total: Some(71_000.0) };
+        let progress = estimator.reading(Duration::from_millis(5100), drawn, 0.25);
+        assert!((left(&progress) - 2.0).abs() < 0.1, "{progress:?}");
     }
 
     #[test]

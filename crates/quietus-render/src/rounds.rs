@@ -16,9 +16,10 @@ use quietus_trace::tile::TileCounts;
 use crate::crew;
 use crate::live::Live;
 use crate::noise::{Copied, Effort, Measuring, Noise};
+use crate::outlook::Outlook;
 use crate::pixel_errors::REPLICATES;
 use crate::process;
-use crate::progress::Estimator;
+use crate::progress::{Drawn, Estimator};
 use crate::run::{Control, Counters, RenderError, Rendered, Round, StoppedBy, Watched};
 use crate::settings::{Goal, RenderSettings, Sampling};
 use crate::statistics::Totals;
@@ -38,7 +39,10 @@ pub fn render<T: Tracer>(
 ) -> Result<Rendered, RenderError> {
     check(settings)?;
     let layout = Layout::new(settings.frame, settings.window, REPLICATES)?;
-    let rounds = Rounds::new(tracer, settings, Film::new(layout), Past::default(), control);
+    let start = Instant::now();
+    let film = Film::new(layout);
+    let past = Past { wall: start.elapsed(), ..Past::default() };
+    let rounds = Rounds::new(tracer, settings, film, past, control);
     let aim = rounds.steering.first();
     let sampling = AdaptiveSampling::new(rounds.library(&aim))?;
     rounds.run(control, aim, sampling)
@@ -92,6 +96,13 @@ fn check(settings: &RenderSettings) -> Result<(), RenderError> {
     }
 }
 
+/// Share of the time left after which a round that should be over, and is not, is cut short for another one with smaller
+/// quotas.
+const LONGEST_ROUND: f64 = 0.75;
+
+/// Share of a limited time in which the noise of the picture is measured for the report.
+const REPORT_TIME: f64 = 0.015;
+
 struct Rounds<'a, T> {
     tracer: &'a T,
     settings: &'a RenderSettings,
@@ -101,6 +112,7 @@ struct Rounds<'a, T> {
     start: Instant,
     cpu_start: Option<Duration>,
     estimator: Estimator,
+    outlook: Outlook,
     steering: Steering,
     totals: Totals,
     /// Measurements of the noise so far.
@@ -130,6 +142,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
             start: now.checked_sub(behind).unwrap_or(now),
             cpu_start: process::cpu_time().map(|now| now.saturating_sub(past.cpu)),
             estimator: Estimator::new(pixels, Some(most), settings.time_limit),
+            outlook: Outlook::new(settings),
             steering: Steering::new(settings),
             totals: past.totals,
             measurements: past.measurements,
@@ -147,20 +160,32 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         let stopped_by = loop {
             let clock = self.clock(control);
             let (start, before) = (clock.elapsed(), Counters::sum(&self.counters)[0]);
-            let stopped_by = tracing::debug_span!("round").in_scope(|| self.round(&sampling, control))?;
+            let round = || self.round(&sampling, &aim, control);
+            let stopped_by = tracing::debug_span!("round").in_scope(round)?;
             let drawn = Counters::sum(&self.counters)[0] - before;
             let pace = drawn as f64 / clock.elapsed().saturating_sub(start).as_secs_f64().max(1e-9);
             self.totals.add(&sampling);
             // It may have finished just when it was told to stop.
-            if stopped_by != StoppedBy::Done && !sampling.is_finished() {
+            if let Some(stopped_by) = stopped_by.filter(|_| !sampling.is_finished()) {
                 break stopped_by;
+            }
+            let is_cut_short = !sampling.is_finished();
+            let is_asked_anew = self.take_asked(control);
+            aim.is_last &= !is_cut_short && !is_asked_anew;
+            if is_cut_short && self.is_too_early(&sampling) {
+                sampling = observed(AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?);
+                continue;
             }
             match self.decide(&sampling, &aim, pace, control)? {
                 Decision::Stop(stopped_by) => break stopped_by,
                 Decision::GoOn(next) => aim = next,
             }
+            self.outlook.begin(aim.factor_left);
             sampling = observed(AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?);
         };
+        if stopped_by == StoppedBy::TimeLimit && self.steering.has_rounds() {
+            self.measure_in_time(&sampling, control)?;
+        }
         let cpu = self.cpu_start.zip(process::cpu_time()).map(|(before, after)| after.saturating_sub(before));
         let [samples, rays] = Counters::sum(&self.counters);
         let wall = self.clock(control).elapsed();
@@ -198,30 +223,52 @@ impl<'a, T: Tracer> Rounds<'a, T> {
     }
 
     fn clock<'c>(&self, control: &Control<'c>) -> Clock<'c> {
-        Clock { start: self.start, limit: self.settings.time_limit, live: control.live }
+        let share = if self.steering.has_rounds() { 1.0 - REPORT_TIME } else { 1.0 };
+        let limit = self.settings.time_limit.map(|limit| limit.mul_f64(share));
+        Clock { start: self.start, limit, live: control.live }
     }
 
-    /// Draws until the sampling is done, or has to stop.
+    /// Takes in a noise that was asked for since; whether there was one.
+    fn take_asked(&mut self, control: &Control<'_>) -> bool {
+        let Some(noise) = newly_asked(&self.steering, self.settings, control) else { return false };
+        self.steering.ask(noise);
+        self.outlook.ask(noise);
+        true
+    }
+
+    /// Whether a round was cut short before there are quotas to go by.
+    fn is_too_early(&self, sampling: &AdaptiveSampling) -> bool {
+        self.settings.sampling == Sampling::Quietus
+            && (0..sampling.grid().tiles()).any(|tile| sampling.quotas(tile).is_none())
+    }
+
+    /// Draws until the sampling is done, or has to stop, and says why. Also stops where another noise was asked for, or the round takes too much of the time, without
+    /// a reason to end the render.
     fn round(
         &mut self,
         sampling: &AdaptiveSampling,
+        aim: &Aim,
         control: &mut Control<'_>,
-    ) -> Result<StoppedBy, RenderError> {
-        let mut stopped_by = StoppedBy::Done;
+    ) -> Result<Option<StoppedBy>, RenderError> {
+        let mut stopped_by = None;
         let clock = self.clock(control);
         let (estimator, counters, film) = (&mut self.estimator, &self.counters, &self.film);
-        let noise = self.steering.progress();
+        let round_end = clock.left().filter(|_| self.steering.has_rounds() && !aim.is_last);
+        let round_end = round_end.map(|left| clock.elapsed() + left.mul_f64(LONGEST_ROUND));
+        let (outlook, measuring) = (&mut self.outlook, self.totals.noise_samples);
+        let (steering, settings, noise) = (&self.steering, self.settings, self.steering.progress());
         let round = Round { tracer: self.tracer, film, sampling, live: control.live, counters };
         let watch = || {
-            if stopped_by == StoppedBy::Done
-                && let Some(reason) = clock.stops(control)
-            {
-                stopped_by = reason;
+            stopped_by = stopped_by.or(clock.stops(control));
+            let is_over = round_end.is_some_and(|end| clock.elapsed() >= end);
+            if stopped_by.is_some() || is_over || newly_asked(steering, settings, control).is_some() {
                 sampling.stop();
             }
             let [samples, rays] = Counters::sum(counters);
-            let mut progress =
-                estimator.reading(clock.elapsed(), samples, rays, sampling.converged_fraction());
+            let elapsed = clock.elapsed();
+            let total = outlook.total(elapsed, samples, film, sampling);
+            let drawn = Drawn { samples, measuring, rays, total };
+            let mut progress = estimator.reading(elapsed, drawn, sampling.converged_fraction());
             progress.noise = noise;
             (control.watch)(&Watched { progress, film, sampling });
             clock.interval()
@@ -245,28 +292,50 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         let forecast = self.steering.look(&picture, sampling);
         if self.steering.asked().is_some() {
             let effort = if aim.is_last { Effort::REPORT } else { Effort::STEP };
-            match self.measure(&picture, effort, sampling, control)? {
+            match self.measure(&picture, effort, self.clock(control), sampling, control)? {
                 Ok(noise) => self.steering.take(noise, &forecast),
                 Err(stopped_by) => return Ok(Decision::Stop(stopped_by)),
             }
         }
         let time = TimeLeft {
-            limit: self.settings.time_limit,
+            limit: self.clock(control).limit,
             elapsed: self.clock(control).elapsed(),
             samples: sampling.counts().total() as f64,
             pace,
         };
         Ok(match self.steering.verdict(aim, &forecast, &time) {
+            Verdict::Finished if self.steering.reported().is_none() && self.clock(control).is_late() => {
+                Decision::Stop(StoppedBy::TimeLimit)
+            }
             Verdict::Finished => Decision::Stop(StoppedBy::Done),
             Verdict::GoOn(aim) => Decision::GoOn(aim),
-            Verdict::MeasureAgain => match self.measure(&picture, Effort::REPORT, sampling, control)? {
-                Ok(noise) => {
-                    self.steering.take_report(noise);
-                    Decision::Stop(StoppedBy::Done)
+            Verdict::MeasureAgain => {
+                match self.measure(&picture, Effort::REPORT, self.clock(control), sampling, control)? {
+                    Ok(noise) => {
+                        self.steering.take_report(noise);
+                        Decision::Stop(StoppedBy::Done)
+                    }
+                    Err(stopped_by) => Decision::Stop(stopped_by),
                 }
-                Err(stopped_by) => Decision::Stop(stopped_by),
-            },
+            }
         })
+    }
+
+    /// Measures the noise of a picture whose time is up, as well as what is left of all time allows. Time has ended it, and
+    /// no measurement.
+    fn measure_in_time(
+        &mut self,
+        sampling: &AdaptiveSampling,
+        control: &mut Control<'_>,
+    ) -> Result<(), RenderError> {
+        let clock = Clock { limit: self.settings.time_limit, ..self.clock(control) };
+        let share = 0.7 * clock.left().unwrap_or_default().div_duration_f64(clock.elapsed());
+        let affordable = Effort { share, picks: 0, most_share: 0.0 };
+        let picture = Copied::of(&self.film);
+        if let Ok(noise) = self.measure(&picture, affordable, clock, sampling, control)? {
+            self.steering.take_report(noise);
+        }
+        Ok(())
     }
 
     /// Measures the noise of the film. Where that is cut short: why.
@@ -274,10 +343,10 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         &mut self,
         picture: &Copied,
         effort: Effort,
+        clock: Clock<'_>,
         sampling: &AdaptiveSampling,
         control: &mut Control<'_>,
     ) -> Result<Result<Noise, StoppedBy>, RenderError> {
-        let clock = self.clock(control);
         let (window, number) = (self.film.layout().window(), self.measurements);
         self.measurements += 1;
         let counters: Vec<_> = self.counters.iter().map(|_| Counters::default()).collect();
@@ -291,11 +360,12 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         };
         let cancel = control.cancel;
         let (estimator, drawn, noise) = (&mut self.estimator, &self.counters, self.steering.progress());
-        let film = &self.film;
+        let (film, outlook, measured_before) = (&self.film, &self.outlook, self.totals.noise_samples);
         let watch = || {
             let [samples, rays] = Counters::sum(drawn);
-            let mut progress =
-                estimator.reading(clock.elapsed(), samples, rays, sampling.converged_fraction());
+            let measuring = measured_before + Counters::sum(&counters)[0];
+            let drawn = Drawn { samples, measuring, rays, total: outlook.known() };
+            let mut progress = estimator.reading(clock.elapsed(), drawn, sampling.converged_fraction());
             progress.noise = noise;
             (control.watch)(&Watched { progress, film, sampling });
             clock.interval()
@@ -313,6 +383,12 @@ impl<'a, T: Tracer> Rounds<'a, T> {
 /// Lets whoever listens know of its rebuilds.
 fn observed(sampling: AdaptiveSampling) -> AdaptiveSampling {
     if timeline::is_wanted() { sampling.observed_by(timeline::rebuilt) } else { sampling }
+}
+
+/// A noise that was asked for since the steering learnt of its goal.
+fn newly_asked(steering: &Steering, settings: &RenderSettings, control: &Control<'_>) -> Option<f64> {
+    let asked = control.live.filter(|_| settings.sampling.can_forecast())?.asked_noise()?;
+    (steering.asked() != Some(asked)).then_some(asked)
 }
 
 enum Decision {
@@ -334,6 +410,11 @@ impl Clock<'_> {
         self.start.elapsed().saturating_sub(self.live.map_or(Duration::ZERO, Live::paused_for))
     }
 
+    /// Time that is left, where there is a limit.
+    fn left(&self) -> Option<Duration> {
+        self.limit.map(|limit| limit.saturating_sub(self.elapsed()))
+    }
+
     fn is_late(&self) -> bool {
         self.limit.is_some_and(|limit| self.elapsed() >= limit)
     }
@@ -349,8 +430,8 @@ impl Clock<'_> {
 
     /// Time until somebody should look again.
     fn interval(&self) -> crew::Interval {
-        let left = self.limit.map(|limit| limit.saturating_sub(self.elapsed()));
-        left.filter(|left| !left.is_zero())
+        self.left()
+            .filter(|left| !left.is_zero())
             .map_or(crew::WATCH_INTERVAL, |left| left.min(crew::WATCH_INTERVAL))
     }
 }

@@ -57,6 +57,8 @@ pub(crate) struct Aim {
     pub(crate) samples: u32,
     /// Whether this should be where it ends.
     pub(crate) is_last: bool,
+    /// What quotas will be multiplied by in the rounds that follow.
+    pub(crate) factor_left: f64,
 }
 
 /// What is to be done after a round.
@@ -100,17 +102,28 @@ impl Steering {
         }
     }
 
+    /// Another noise is asked for, whatever the goal was.
+    pub(crate) fn ask(&mut self, noise: f64) {
+        self.settings.goal = Goal::Noise(noise);
+        (self.bound, self.expected) = (None, None);
+    }
+
     /// What the first round aims at.
     pub(crate) fn first(&self) -> Aim {
         let RenderSettings { goal, min_samples, max_samples, .. } = self.settings;
         match goal {
-            Goal::TargetError(target_error) => Aim { target_error, samples: max_samples, is_last: true },
+            Goal::TargetError(target_error) => {
+                Aim { target_error, samples: max_samples, is_last: true, factor_left: 1.0 }
+            }
             Goal::Limits if !self.has_rounds() => {
-                Aim { target_error: ALL_TO_MAXIMUM, samples: max_samples, is_last: true }
+                Aim { target_error: ALL_TO_MAXIMUM, samples: max_samples, is_last: true, factor_left: 1.0 }
             }
-            Goal::Noise(_) | Goal::Limits => {
-                Aim { target_error: FIRST_TARGET, samples: min_samples.max(1), is_last: false }
-            }
+            Goal::Noise(_) | Goal::Limits => Aim {
+                target_error: FIRST_TARGET,
+                samples: min_samples.max(1),
+                is_last: false,
+                factor_left: 1.0,
+            },
         }
     }
 
@@ -169,12 +182,12 @@ impl Steering {
 
     /// What is to be done after the round that aimed at `aim`.
     pub(crate) fn verdict(&mut self, aim: &Aim, forecast: &Forecast, time: &TimeLeft) -> Verdict {
-        let (next, is_last) = match self.asked() {
+        let (next, is_last, goal) = match self.asked() {
             Some(asked) => match self.next_for_noise(asked, aim, forecast) {
                 Ok(next) => next,
                 Err(verdict) => return verdict,
             },
-            None => (forecast.limit(), true),
+            None => (forecast.limit(), true, forecast.limit()),
         };
         let (next, is_last) = match time.fitting(forecast) {
             None => return Verdict::Finished,
@@ -185,16 +198,17 @@ impl Steering {
             target_error: aim.target_error / next.factor,
             samples: even(f64::from(aim.samples) * next.factor),
             is_last,
+            factor_left: (goal.factor / next.factor).max(1.0),
         })
     }
 
-    /// The next step towards the noise asked for, and whether it is the last.
+    /// The next step towards the noise asked for, whether it is the last, and the step all of the way.
     fn next_for_noise(
         &mut self,
         asked: f64,
         aim: &Aim,
         forecast: &Forecast,
-    ) -> Result<(Ahead, bool), Verdict> {
+    ) -> Result<(Ahead, bool, Ahead), Verdict> {
         let Some((measured, _)) = self.measured else { return Err(Verdict::Finished) };
         let is_missed = measured.low > asked && self.rounds < MOST_ROUNDS;
         if aim.is_last && !is_missed {
@@ -214,11 +228,11 @@ impl Steering {
             return Err(self.finish_early(measured, asked, aim));
         };
         if reach.samples <= LAST_STEP {
-            return Ok((reach, true));
+            return Ok((reach, true, reach));
         }
         let step = LARGEST_STEP.min(0.5 * reach.samples);
         let step = forecast.least(|ahead| ahead.samples >= step).unwrap_or(reach);
-        Ok((step, false))
+        Ok((step, false, reach))
     }
 
     fn finish(&mut self, measured: Noise) -> Verdict {

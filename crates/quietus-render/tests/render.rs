@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use glam::Vec3;
-use quietus_film::{Picture, Window};
+use quietus_film::{Layout, Picture, Window};
 use quietus_render::{
     Control, Fault, Goal, Machinery, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, Tracer,
     render, shown_error,
@@ -319,4 +319,19 @@ fn noise_is_refused_where_it_cannot_be_steered_for() {
     }
     let settings = RenderSettings { goal: Goal::Noise(f64::NAN), ..settings(8, 8, Sampling::Quietus) };
     assert!(matches!(draw(&Func(noise), &settings), Err(RenderError::Noise(_))));
+}
+
+#[test]
+fn another_noise_can_be_asked_for_while_it_renders() {
+    // The render would end at the first goal long before, or never.
+    for goal in [Goal::TargetError(1e-9), Goal::Noise(0.0001)] {
+        let settings = RenderSettings { goal, max_samples: 1 << 20, ..settings(48, 40, Sampling::Quietus) };
+        let live = quietus_render::Live::new(&Layout::full(48, 40).unwrap());
+        let mut watch = |_: &quietus_render::Watched<'_>| live.ask_noise(0.006);
+        let mut control = Control { cancel: &AtomicBool::new(false), watch: &mut watch, live: Some(&live) };
+        let rendered = render(&Func(noise_to_the_right), &settings, &mut control).unwrap();
+        let reached = rendered.noise.unwrap();
+        assert!(reached.low < 0.006 * 1.15, "{goal:?}: {reached:?}");
+        assert_eq!((rendered.stopped_by, rendered.statistics.noise_asked), (StoppedBy::Done, Some(0.6)));
+    }
 }

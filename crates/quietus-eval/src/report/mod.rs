@@ -1,6 +1,7 @@
 //! Reports: a table for the terminal, JSON (see [`crate::compare::Comparison`]), and a self-contained HTML
 //! page with plots and heat maps.
 
+pub mod goals;
 mod html;
 mod plot;
 mod table;

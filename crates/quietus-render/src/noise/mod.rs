@@ -40,6 +40,12 @@ impl Effort {
     /// On the way, to see how far it still is.
     pub const STEP: Self = Self { share: 0.01, picks: 512, most_share: 0.1 };
 
+    /// Share of the samples of a picture of `pixels` pixels that it takes, about.
+    pub(crate) fn expected_share(self, pixels: f64) -> f64 {
+        // Picks go where samples are: one costs half as many again as the mean pixel.
+        self.share.max((1.5 * self.picks as f64 / pixels).min(self.most_share))
+    }
+
     /// Picks where each costs `cost` samples, of a picture of `samples` samples.
     fn picks(self, samples: f64, cost: f64) -> usize {
         let affordable = |share: f64| (share * samples / cost) as usize;
@@ -137,13 +143,18 @@ pub fn pick(picture: &Finished<'_>, effort: Effort, random: impl Fn(u64) -> f64)
     (0..picks).map(pick).collect()
 }
 
-/// Squared displayed differences of halves, means over the pixels around, summed over channels.
-pub(crate) fn pooled_differences(picture: &Finished<'_>) -> Vec<f64> {
-    let (width, height) = (picture.width, picture.means.len() / picture.width);
+/// Squared displayed differences of halves, summed over channels.
+pub(crate) fn squared_differences(picture: &Finished<'_>) -> Vec<f64> {
     let square = |[a, b]: &[[f32; 3]; 2]| -> f64 {
         a.iter().zip(b).map(|(&a, &b)| (displayed(a) - displayed(b)).powi(2)).sum()
     };
-    let squares: Vec<f64> = picture.halves.iter().map(square).collect();
+    picture.halves.iter().map(square).collect()
+}
+
+/// Squared displayed differences of halves, means over the pixels around, summed over channels.
+pub(crate) fn pooled_differences(picture: &Finished<'_>) -> Vec<f64> {
+    let (width, height) = (picture.width, picture.means.len() / picture.width);
+    let squares = squared_differences(picture);
     let around = |place: usize, end: usize| place.saturating_sub(POOL)..(place + POOL + 1).min(end);
     let pooled = |x: usize, y: usize| {
         let rows = around(y, height).map(|row| squares[row * width..][around(x, width)].iter().sum::<f64>());

@@ -1,0 +1,75 @@
+//! Tables of what renders that were asked for a noise or a time came to.
+
+use crate::goals::{Asked, GoalRun};
+
+/// The head of a table of [`noise_row`]s, in Markdown.
+pub const NOISE_HEAD: &str = "\
+| scene | asked | runs | reported / asked (5-95 %) | true / asked (5-95 %) | true / reported | intervals that hold the truth | \
+half-width | spp | rounds | measuring | end foreseen after a tenth | bound |
+|---|---|---|---|---|---|---|---|---|---|---|---|---|";
+
+/// The head of a table of [`time_row`]s.
+pub const TIME_HEAD: &str = "\
+| scene | asked | runs | time / asked, least - most | true noise | spp | rounds |
+|---|---|---|---|---|---|---|";
+
+/// Runs that were asked for one noise.
+pub fn noise_row(scene: &str, asked: f64, runs: &[GoalRun]) -> String {
+    let reported: Vec<[f64; 3]> = runs.iter().filter_map(|run| run.reported).collect();
+    let covered = runs.iter().filter(|run| run.is_covered() == Some(true)).count();
+    let widths = reported.iter().map(|[reached, _, high]| high / reached - 1.0);
+    let ratio = rms(runs.iter().map(|run| run.true_square)) / rms(reported.iter().map(|r| r[0] * r[0]));
+    let foreseen = runs.iter().filter_map(|run| run.expected[0]);
+    format!(
+        "| {scene} | {} % | {} | {} | {} | {ratio:.3} | {covered} of {} ({:.1} %) | {:.0} % | {:.0} | {:.1} | {:.1} % | {} | {} |",
+        100.0 * asked,
+        runs.len(),
+        spread(reported.iter().map(|r| r[0] / asked)),
+        spread(runs.iter().map(|run| run.truth() / asked)),
+        reported.len(),
+        100.0 * covered as f64 / reported.len().max(1) as f64,
+        100.0 * mean(widths),
+        mean(runs.iter().map(|run| run.spp)),
+        mean(runs.iter().map(|run| f64::from(run.rounds))),
+        100.0 * mean(runs.iter().map(|run| run.measuring)),
+        spread(foreseen),
+        runs.iter().filter(|run| run.bound).count(),
+    )
+}
+
+/// Runs that were asked for one time.
+pub fn time_row(scene: &str, asked: Asked, runs: &[GoalRun]) -> String {
+    let Asked::Time(time) = asked else { return String::new() };
+    let times: Vec<f64> = runs.iter().map(|run| run.seconds / time.as_secs_f64()).collect();
+    format!(
+        "| {scene} | {} s | {} | {:.3} - {:.3} | {:.2} % | {:.0} | {:.1} |",
+        time.as_secs_f64(),
+        runs.len(),
+        times.iter().copied().fold(f64::INFINITY, f64::min),
+        times.iter().copied().fold(0.0, f64::max),
+        100.0 * rms(runs.iter().map(|run| run.true_square)),
+        mean(runs.iter().map(|run| run.spp)),
+        mean(runs.iter().map(|run| f64::from(run.rounds))),
+    )
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    sum / f64::max(count, 1.0)
+}
+
+/// Root of the mean of squares.
+fn rms(squares: impl Iterator<Item = f64>) -> f64 {
+    mean(squares).max(0.0).sqrt()
+}
+
+/// Median, and the range of nine tenths.
+fn spread(values: impl Iterator<Item = f64>) -> String {
+    let mut values: Vec<f64> = values.collect();
+    if values.is_empty() {
+        return "-".to_owned();
+    }
+    values.sort_by(f64::total_cmp);
+    let at = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];
+    format!("{:.2} ({:.2} - {:.2})", at(0.5), at(0.05), at(0.95))
+}

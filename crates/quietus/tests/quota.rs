@@ -97,18 +97,19 @@ fn check(
     tree: &RegionTree,
     index: u32,
     inherited: Option<f64>,
+    credible: f64,
     pixels: &Pixels,
     leaves: &mut Vec<(Area, f64)>,
 ) {
     let node = &tree.nodes()[index as usize];
     let (own, held) = pixels.of(&node.area);
-    let z = held / (held + CREDIBLE_SAMPLES);
+    let z = held / (held + credible);
     let mixed = inherited.map_or(own, |inherited| z * own + (1.0 - z) * inherited);
     assert_eq!(node.error, mixed);
     assert_eq!(node.children.is_some(), node.area.longer_side() > 2.0 * MIN_SIDE);
     let Some(first) = node.children else { return leaves.push((node.area, mixed)) };
     for child in [first, first + 1] {
-        check(tree, child, Some(mixed), pixels, leaves);
+        check(tree, child, Some(mixed), credible, pixels, leaves);
     }
 }
 
@@ -125,7 +126,9 @@ proptest! {
         let mut rule = rule(grid, 1, target, 0);
         rule.update(&plane);
         let mut leaves = Vec::new();
-        check(rule.tree().unwrap(), 0, None, &Pixels::new(&plane), &mut leaves);
+        let (pixels, tree) = (Pixels::new(&plane), rule.tree().unwrap());
+        let credible = CREDIBLE_SAMPLES * pixels.of(&tree.nodes()[0].area).0;
+        check(tree, 0, None, credible, &pixels, &mut leaves);
         let part = |start: f64, end: f64, pixel: u32| {
             (end.min(f64::from(pixel) + 1.0) - start.max(f64::from(pixel))).max(0.0)
         };

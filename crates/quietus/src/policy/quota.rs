@@ -4,15 +4,18 @@
 //! Samples that minimise the sum of squared errors `v_p / n_p`, for a given sum of counts `n_p`, are dealt in
 //! proportion to `sqrt(v_p)` (Lagrange). What a pixel's own samples say of its `v_p` is next to nothing, so the
 //! tree pools it. Each node's mean is one estimate, and the deeper the node, the more local and the less certain.
-//! They are mixed from the root down by *credibility* (Bühlmann 1967): of a node that holds m samples
+//! They are mixed from the root down by *credibility* (Bühlmann 1967): of a node that holds m samples, in a region whose
+//! mean noise is v
 //!
 //! ```text
-//! V = z * mean of v_p + (1 - z) * V of its parent,   z = m / (m + 1024)
+//! V = z * mean of v_p + (1 - z) * V of its parent,   z = m / (m + 3000 v)
 //! ```
 //!
-//! so that a few hundred samples are believed as far as they go, and where they found nothing it counts what was
-//! found around them. A leaf's V makes its quota, a pixel's quota is that of the leaves over it, each by the part of the
-//! pixel that it covers; and a pixel goes on until it has its quota.
+//! A node is half believed when the error of its mean colour, `v / m`, is down to 1/3000: about half a percent of white,
+//! as it is displayed. Where noise is low that is a handful of pixels; where nearly all light comes by rare bright paths
+//! hundreds are pooled, and where they found nothing it counts what was found around them. A leaf's V makes its quota, a
+//! pixel's quota is that of the leaves over it, each by the part of the pixel that it covers; and a pixel goes on until it
+//! has its quota.
 
 use std::sync::Arc;
 
@@ -24,9 +27,10 @@ use crate::{
     summed_area::{ErrorSums, Resummed, SummedArea},
 };
 
-/// Samples at which a node's own mean counts as much as what it inherits. With fewer, noise that rare paths carry is
-/// taken for absent where none was met, and the picture loses light; with more, samples go where there is no noise.
-pub const CREDIBLE_SAMPLES: f64 = 1024.0;
+/// Samples, for each unit of the region's mean noise, at which a node's own mean counts as much as what it inherits. With
+/// fewer, noise that rare paths carry is taken for absent where none was met, and the picture loses light; with more,
+/// samples go where there is no noise.
+pub const CREDIBLE_SAMPLES: f64 = 3000.0;
 
 /// Pixels of the region for which the target error has the meaning that Dammertz et al. gave to it: those that the least
 /// leaves touch.
@@ -78,17 +82,19 @@ impl QuotaRule {
 
 /// Grows the tree over sums of noise and of samples; `deal` is given the area of each leaf, and its noise.
 fn grow(tree: &mut RegionTree, [noise, samples]: &[impl ErrorSums; 2], mut deal: impl FnMut(&Area, f64)) {
+    let mean_noise = |rect: &PixelRect| noise.sum(rect) as f64 / rect.area() as f64 / STEPS;
+    // Above 0, so that what holds no sample is never believed.
+    let credible = (CREDIBLE_SAMPLES * mean_noise(&noise.bounds())).max(f64::MIN_POSITIVE);
     tree.grow(noise.bounds().into(), None, |area, inherited: Option<f64>| {
         let rect = area.rounded_outward();
-        let (noise_sum, held) = (noise.sum(&rect), samples.sum(&rect) as f64);
-        let own = noise_sum as f64 / rect.area() as f64 / STEPS;
-        let credibility = held / (held + CREDIBLE_SAMPLES);
+        let (own, held) = (mean_noise(&rect), samples.sum(&rect) as f64);
+        let credibility = held / (held + credible);
         let mixed = inherited.map_or(own, |inherited| credibility * own + (1.0 - credibility) * inherited);
         let splits = area.longer_side() > 2.0 * MIN_SIDE;
         if !splits {
             deal(area, mixed);
         }
-        let position = || split_position(area, noise, noise_sum, Split::Continuous);
+        let position = || split_position(area, noise, noise.sum(&rect), Split::Continuous);
         Grown { error: mixed, complete: false, split: splits.then(|| (position(), Some(mixed))) }
     });
 }

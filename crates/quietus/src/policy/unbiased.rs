@@ -8,7 +8,7 @@
 //!
 //! Noise is estimated by windows of the other colour's pilots, mixed with the region's mean. Size of the window and
 //! weight of the mean are chosen by the pilots, too: by how well the window around each pixel of *their* colour,
-//! without the pixel itself, would have dealt samples to it (leave-one-out cross-validation).
+//! without the pixel itself, would have dealt samples to it (leave-one-out cross-validation), and that by more than chance.
 
 use std::sync::Arc;
 
@@ -21,9 +21,15 @@ use crate::{
 /// Radii of the windows to choose from, in pixels: from the nearest neighbours to more than three tiles.
 const RADII: [u32; 7] = [1, 2, 3, 4, 6, 9, 13];
 
-/// Weights of the window against the region's mean to choose from. The even spread comes first: it is taken where
-/// nothing is better.
-const WEIGHTS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+/// Weights of the window against the region's mean to choose from, beside the even spread.
+const WEIGHTS: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
+
+/// The even spread, taken where nothing is better for certain.
+const EVEN: Choice = (RADII[0], 0.0);
+
+/// Standard errors by which a choice must be better than the even spread. On heavy tails the best of many choices is
+/// often best by chance.
+const DOUBT: f64 = 2.0;
 
 /// Counts decided by pilots of the other colour.
 pub struct UnbiasedRule {
@@ -195,40 +201,54 @@ impl Pilot {
         weight * near + (1.0 - weight) * all
     }
 
-    /// The choice that would have dealt samples best among the pilots themselves. A pixel of error e that gets n
-    /// samples contributes `e^2 / n` to the squared error, so that a choice costs `sum(n) sum(e^2 / n)`: the
-    /// error at an equal number of samples. `range` has the least and the largest count.
+    /// The choice that would have dealt samples best among the pilots themselves, as far as that is certain. `range` has
+    /// the least and the largest count.
     fn choose(&self, scale: f64, range: [f64; 2]) -> Choice {
-        let Some(all) = self.mean() else { return (RADII[0], 0.0) };
-        let mut best = (f64::INFINITY, (RADII[0], 0.0));
+        let Some(all) = self.mean() else { return EVEN };
+        let mut best = (0.0, EVEN);
         for radius in RADII {
-            let mut totals = [(0.0, 0.0); WEIGHTS.len()];
-            self.for_each_without_itself(radius, |error, near| {
-                for (weight, (samples, squares)) in WEIGHTS.iter().zip(&mut totals) {
-                    let noise = weight * near.unwrap_or(all) + (1.0 - weight) * all;
-                    let n = (scale * noise).clamp(range[0], range[1]);
-                    *samples += n;
-                    *squares += error * error / n;
-                }
-            });
-            for (&weight, (samples, squares)) in WEIGHTS.iter().zip(totals) {
-                if samples * squares < best.0 {
-                    best = (samples * squares, (radius, weight));
+            let pilots = self.without_themselves(radius, all);
+            for weight in WEIGHTS {
+                let count =
+                    |near: f64| (scale * (weight * near + (1.0 - weight) * all)).clamp(range[0], range[1]);
+                let cost = cost(&pilots, count);
+                if cost < best.0 {
+                    best = (cost, (radius, weight));
                 }
             }
         }
         best.1
     }
 
-    /// Calls `look` with the error of each pilot and the mean of its window without itself.
-    fn for_each_without_itself(&self, radius: u32, mut look: impl FnMut(f64, Option<f64>)) {
+    /// The error of each pilot, and the mean of the window around it without itself; `all` where there is no other.
+    fn without_themselves(&self, radius: u32, all: f64) -> Vec<(f64, f64)> {
         let width = self.rect.width() as usize;
-        for (place, error) in self.errors.iter().enumerate().filter(|(_, error)| !error.is_rejected()) {
+        let pilots = self.errors.iter().enumerate().filter(|(_, error)| !error.is_rejected());
+        let values = pilots.map(|(place, error)| {
             let (x, y) = (self.rect.x0 + (place % width) as u32, self.rect.y0 + (place / width) as u32);
             let (sum, count) = self.window(x, y, radius);
-            look(error.steps() as f64 / STEPS, mean((sum - error.steps(), count - 1)));
-        }
+            (error.steps() as f64 / STEPS, mean((sum - error.steps(), count - 1)).unwrap_or(all))
+        });
+        values.collect()
     }
+}
+
+/// What it costs to deal by `count` instead of evenly, among pilots of known errors, each with the noise around it.
+///
+/// A pixel of error e that gets n samples contributes `e^2 / n` to the squared error. So `sum(n) sum(e^2 / n)` is the
+/// error at an equal number of samples, and the cost is its logarithm less that of an even spread, plus [`DOUBT`] times
+/// the standard error of this difference, which is a sum over pilots to first order. Below 0 where the gain is certain.
+fn cost(pilots: &[(f64, f64)], count: impl Fn(f64) -> f64) -> f64 {
+    let sum = |term: &dyn Fn(f64, f64) -> f64| -> f64 {
+        pilots.iter().map(|&(error, near)| term(error * error, count(near))).sum()
+    };
+    let (even, even_squares) = (pilots.len() as f64, sum(&|square, _| square));
+    let (samples, squares) = (sum(&|_, n| n), sum(&|square, n| square / n));
+    let share = |square: f64, n: f64| {
+        n / samples - 1.0 / even + square * ((n * squares).recip() - even_squares.recip())
+    };
+    let variance = sum(&|square, n| share(square, n).powi(2));
+    (samples * squares / (even * even_squares)).ln() + DOUBT * variance.sqrt()
 }
 
 /// Steps of an error of 1.

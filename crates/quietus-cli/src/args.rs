@@ -12,6 +12,7 @@ use crate::after::convert::ConvertArgs;
 use crate::after::inspect::InspectArgs;
 use crate::error::EXIT_CODES;
 use crate::eval::EvalArgs;
+use crate::keeping::KeepingArgs;
 use crate::viewing::ViewingArgs;
 use crate::watching::WatchingArgs;
 
@@ -22,6 +23,7 @@ Examples:
   quietus render helmet.gltf --env studio.hdr --size 1920x1080
   quietus render scene.glb --camera Hero --target-error 0.0005 --max-samples 16384
   quietus render scene.glb --size 1920x1080 --crop 800,400,1100,600 --time 90s
+  quietus render scene.glb --noise 0.5% --checkpoint scene.qck --resume
   quietus render fox.glb --animation Walk --frames 0-47 -o fox.####.exr
   quietus render --sampling free-running --tree tree.svg --stats stats.json";
 
@@ -237,6 +239,10 @@ pub(crate) struct RenderArgs {
     /// Draw the final tree here, as SVG. Needs --sampling quietus, talk or free-running.
     #[arg(long, value_name = "FILE.svg")]
     pub tree: Option<PathBuf>,
+
+    /// What is kept of it.
+    #[command(flatten)]
+    pub keeping: KeepingArgs,
 
     /// How it is watched.
     #[command(flatten)]

@@ -6,6 +6,7 @@ mod config;
 mod error;
 mod eval;
 mod interrupt;
+mod keeping;
 mod logging;
 mod outputs;
 mod plan;

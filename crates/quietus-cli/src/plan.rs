@@ -309,6 +309,8 @@ fn outputs(args: &RenderArgs, timeline: Option<&Timeline>) -> Result<Vec<(PathBu
     let mut all: Vec<&Path> = outputs.iter().map(|(path, _)| path.as_path()).collect();
     all.extend(args.stats.as_deref());
     all.extend(args.tree.as_deref());
+    all.extend(args.keeping.checkpoint.as_deref());
+    all.extend(args.keeping.record.as_deref());
     let mut places = Vec::new();
     for path in all {
         // Frames differ by their numbers: what holds for the first one holds for all.

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use quietus_film::{Layout, RejectedSamples, Window};
+use quietus_film::{Layout, Metadata, RejectedSamples, Window};
 use quietus_render::{
     Bound, Control, Fault, Goal, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy,
-    Watched, go_on, noise::measure_noise, render,
+    Watched, go_on, noise::measure_noise, render_keeping,
 };
 use quietus_trace::desc::{Camera, SceneDesc};
 use quietus_trace::scene::Scene;
@@ -35,9 +35,24 @@ pub(crate) struct Ready {
     look: Look,
     report: Settings,
     load_seconds: f64,
+    /// Whether another view was asked for meanwhile than the scene and the command line say.
+    is_changed: bool,
 }
 
 impl Ready {
+    /// What decides the picture, besides the content of files.
+    fn identity(&self) -> Metadata {
+        let Window { x0, y0, x1, y1 } = self.settings.window;
+        let mut settings = self.report.metadata();
+        settings.retain(|(name, _)| name != "crop" && name != "noise");
+        settings.push(("crop".to_owned(), format!("{x0},{y0},{x1},{y1}")));
+        if let Goal::Noise(noise) = self.settings.goal {
+            settings.push(("noise".to_owned(), (100.0 * noise).to_string()));
+        }
+        settings.push(("pose of the camera".to_owned(), format!("{:?}", self.camera)));
+        settings
+    }
+
     /// What `camera` sees in a picture of another size, everything else as it is.
     pub(crate) fn view_of(
         &self,
@@ -51,7 +66,7 @@ impl Ready {
     /// Takes another camera, and says whether it makes sense.
     pub(crate) fn look_through(&mut self, args: &RenderArgs, camera: Camera) -> bool {
         let Ok(view) = self.view_of(args, &camera, self.settings.frame) else { return false };
-        (self.view, self.camera) = (view, camera);
+        (self.view, self.camera, self.is_changed) = (view, camera, true);
         true
     }
 
@@ -59,7 +74,7 @@ impl Ready {
     pub(crate) fn crop(&mut self, window: Window) -> bool {
         let is_sound = Layout::new(self.settings.frame, window, 2).is_ok();
         if is_sound {
-            self.settings.window = window;
+            (self.settings.window, self.is_changed) = (window, true);
         }
         is_sound
     }
@@ -74,6 +89,7 @@ pub(crate) fn run(args: &RenderArgs, stays: bool) -> Result<Ending, Failure> {
         say::speak_json();
     }
     let plan = Plan::new(args)?;
+    args.keeping.check(&plan)?;
     let start = Instant::now();
     let mut source = tracing::info_span!("open").in_scope(|| Source::open(args, plan.timeline.as_ref()))?;
     let cancel = interrupt::watch()?;
@@ -166,7 +182,7 @@ fn prepare(
     let load_seconds = start.elapsed().as_secs_f64();
     tracing::info!("built it in {:.2} s", load_seconds - seconds);
     let camera = camera.clone();
-    Ok(Ready { scene, camera, view, settings, look, report, load_seconds })
+    Ok(Ready { scene, camera, view, settings, look, report, load_seconds, is_changed: false })
 }
 
 fn view(args: &RenderArgs, camera: &Camera, frame: [u32; 2], look: &Look) -> Result<View, ViewError> {
@@ -215,6 +231,9 @@ pub(crate) fn draw(
         outputs: outputs(args, plan, ready, frame).pictures,
         metadata: ready.report.metadata(),
     };
+    let named = |path: &PathBuf| plan.name(path, frame);
+    let is_first = before.is_none() && !ready.is_changed;
+    let mut keeping = args.keeping.keeping(named, ready.identity(), &settings.layout()?, is_first)?;
     let mut onlookers = Onlookers::new(&args.watching, subject);
     let (stop, live) = viewing.as_ref().map(|viewing| viewing.handles()).unzip();
     let mut watch = |watched: &Watched<'_>| {
@@ -227,8 +246,8 @@ pub(crate) fn draw(
     let control = &mut Control { cancel: stop, watch: &mut watch, live: live.as_deref() };
     let rendering = tracing::info_span!("render").entered();
     let outcome = match before {
-        Some(before) => go_on(&tracer, settings, before, control),
-        None => render(&tracer, settings, control),
+        Some(before) => go_on(&tracer, settings, before, control, keeping.keeper.as_mut()),
+        None => render_keeping(&tracer, settings, control, &mut keeping),
     };
     drop(rendering);
     onlookers.leave(outcome.as_ref().ok().map(|rendered| &rendered.film));
@@ -245,6 +264,7 @@ pub(crate) fn draw(
     {
         rendered.statistics.set_noise(noise);
     }
+    args.keeping.write_recording(named, ready.identity(), &rendered.recording)?;
     Ok(rendered)
 }
 

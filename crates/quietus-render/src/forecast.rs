@@ -1,6 +1,7 @@
 //! What more samples will bring: counts and noise if all quotas were larger by a factor.
 
 use quietus::{AdaptiveSampling, PassCounts, Policy};
+use serde::{Deserialize, Serialize};
 
 use crate::noise::{Finished, pooled_differences, squared_differences};
 
@@ -20,7 +21,7 @@ const GUESS_STEP: f64 = 1.03;
 const LEAST_FALL: f64 = 0.3;
 
 /// A pixel of the film.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Pixel {
     /// Its squared error by the difference of halves.
     square: f64,
@@ -39,6 +40,26 @@ pub(crate) struct Ahead {
     pub(crate) samples: f64,
     /// Mean squared error, over that there is.
     pub(crate) square: f64,
+}
+
+/// The pixels of a forecast that was made earlier.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Past(Vec<Pixel>);
+
+impl Past {
+    /// How fast the squared error has fallen until `later`, as the power of samples; `None` where there are too few more to
+    /// tell.
+    pub(crate) fn fall_to(&self, later: &Forecast) -> Option<f64> {
+        let square = |of: fn(&Pixel, &Pixel) -> f64| -> f64 {
+            self.0.iter().zip(&later.pixels).map(|(before, after)| of(before, after)).sum()
+        };
+        let before = square(|before, _| before.square);
+        let expected =
+            square(|before, after| before.square * f64::from(before.count) / f64::from(after.count));
+        let fell = (before / square(|_, after| after.square)).ln();
+        let expected = (before / expected).ln();
+        (expected > LEAST_FALL && fell.is_finite()).then(|| fell / expected)
+    }
 }
 
 /// A picture and its quotas, as of the end of a round.
@@ -79,18 +100,9 @@ impl Forecast {
         Self { fall, ..self }
     }
 
-    /// How fast the squared error has fallen until `later`, as the power of samples; `None` where there are too few more to
-    /// tell.
-    pub(crate) fn fall_to(&self, later: &Self) -> Option<f64> {
-        let square = |of: fn(&Pixel, &Pixel) -> f64| -> f64 {
-            self.pixels.iter().zip(&later.pixels).map(|(before, after)| of(before, after)).sum()
-        };
-        let before = square(|before, _| before.square);
-        let expected =
-            square(|before, after| before.square * f64::from(before.count) / f64::from(after.count));
-        let fell = (before / square(|_, after| after.square)).ln();
-        let expected = (before / expected).ln();
-        (expected > LEAST_FALL && fell.is_finite()).then(|| fell / expected)
+    /// What later forecasts want to know of it.
+    pub(crate) fn past(&self) -> Past {
+        Past(self.pixels.clone())
     }
 
     /// The samples that a picture will take to the noise `asked` for, guessed from what it looks like while every pixel has

@@ -4,6 +4,7 @@
 //! them; [`render`] owns the threads that carry one to the other. Nothing here decides anything about pixels or
 //! light.
 
+pub mod checkpoint;
 mod crew;
 mod fault;
 mod forecast;
@@ -13,6 +14,7 @@ mod outlook;
 mod pixel_errors;
 mod process;
 mod progress;
+mod recording;
 mod rounds;
 mod run;
 mod settings;
@@ -26,7 +28,8 @@ pub use live::Live;
 pub use pixel_errors::{pixel_error, shown_error};
 pub use process::available_memory;
 pub use progress::{NoiseProgress, Progress};
-pub use rounds::{go_on, render};
+pub use recording::{Recording, RecordingFile};
+pub use rounds::{Keeping, go_on, render, render_keeping};
 pub use run::{Bound, Control, RenderError, Rendered, StoppedBy, Watched};
 pub use settings::{Goal, Machinery, RenderSettings, Sampling};
 pub use statistics::{LoggedRebuild, MOST_LOGGED, SampleStatistics, Statistics};

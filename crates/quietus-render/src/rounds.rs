@@ -10,9 +10,11 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use quietus::{AdaptiveSampling, Start};
-use quietus_film::{Film, Layout};
+use quietus_film::Film;
 use quietus_trace::tile::TileCounts;
+use serde::{Deserialize, Serialize};
 
+use crate::checkpoint::{Keeper, RenderState};
 use crate::crew;
 use crate::live::Live;
 use crate::noise::{Copied, Effort, Measuring, Noise};
@@ -20,12 +22,25 @@ use crate::outlook::Outlook;
 use crate::pixel_errors::REPLICATES;
 use crate::process;
 use crate::progress::{Drawn, Estimator};
-use crate::run::{Control, Counters, RenderError, Rendered, Round, StoppedBy, Watched};
+use crate::recording::{Recording, Round as PastRound};
+use crate::run::{Bound, Control, Counters, RenderError, Rendered, Round, StoppedBy, Watched};
 use crate::settings::{Goal, RenderSettings, Sampling};
 use crate::statistics::Totals;
-use crate::steering::{Aim, Steering, TimeLeft, Verdict};
+use crate::steering::{Aim, Learnt, Steering, TimeLeft, Verdict};
 use crate::timeline;
 use crate::tracer::Tracer;
+
+/// What a render goes on from, and what it leaves for others to go on from.
+#[derive(Default)]
+pub struct Keeping {
+    /// Goes on from this state, of a render with the same scene and settings. Goals and limits may be others: where they
+    /// are, another round begins.
+    pub from: Option<RenderState>,
+    /// Saves the state from time to time, and at the end, whatever the end is.
+    pub keeper: Option<Keeper>,
+    /// Draws again what was drawn when this was recorded, whatever time it takes.
+    pub replay: Option<Recording>,
+}
 
 /// Renders until the goal is reached, the time is up or the caller cancels.
 ///
@@ -37,15 +52,41 @@ pub fn render<T: Tracer>(
     settings: &RenderSettings,
     control: &mut Control<'_>,
 ) -> Result<Rendered, RenderError> {
+    render_keeping(tracer, settings, control, &mut Keeping::default())
+}
+
+/// As [`render`], from a state that was kept, or keeping it.
+///
+/// # Errors
+/// As [`render`]; also where state or recording cannot be of a render with these settings.
+pub fn render_keeping<T: Tracer>(
+    tracer: &T,
+    settings: &RenderSettings,
+    control: &mut Control<'_>,
+    keeping: &mut Keeping,
+) -> Result<Rendered, RenderError> {
     check(settings)?;
-    let layout = Layout::new(settings.frame, settings.window, REPLICATES)?;
+    let layout = settings.layout()?;
+    let keeper = keeping.keeper.as_mut();
+    if let Some(RenderState { aim, learnt, max_samples, past, sampling, film }) = keeping.from.take() {
+        let film = Film::restored(layout, &film).ok_or(quietus::Misfit("a film of another size"))?;
+        let mut rounds = Rounds::new(tracer, settings, film, past, control);
+        rounds.steering.restore(learnt);
+        let sampling = AdaptiveSampling::restored(rounds.library_up_to(&aim, max_samples), &sampling)?;
+        let (aim, sampling) = rounds.towards_the_goal(aim, max_samples, sampling)?;
+        rounds.outlook.begin(aim.factor_left);
+        return rounds.run(control, aim, sampling, keeper);
+    }
     let start = Instant::now();
     let film = Film::new(layout);
     let past = Past { wall: start.elapsed(), ..Past::default() };
     let rounds = Rounds::new(tracer, settings, film, past, control);
+    if let Some(recording) = keeping.replay.take() {
+        return rounds.replay(recording, control);
+    }
     let aim = rounds.steering.first();
     let sampling = AdaptiveSampling::new(rounds.library(&aim))?;
-    rounds.run(control, aim, sampling)
+    rounds.run(control, aim, sampling, keeper)
 }
 
 /// Goes on from where a render ended, perhaps to another goal, with nothing lost: all its samples are kept, and both are
@@ -61,6 +102,7 @@ pub fn go_on<T: Tracer>(
     settings: &RenderSettings,
     before: Rendered,
     control: &mut Control<'_>,
+    keeper: Option<&mut Keeper>,
 ) -> Result<Rendered, RenderError> {
     check(settings)?;
     let layout = before.film.layout();
@@ -68,18 +110,33 @@ pub fn go_on<T: Tracer>(
     let rounds = Rounds::new(tracer, settings, before.film, before.past, control);
     let aim = rounds.steering.first();
     let sampling = AdaptiveSampling::resumed(rounds.library(&aim), &Start::of(&before.sampling))?;
-    rounds.run(control, aim, sampling)
+    rounds.run(control, aim, sampling, keeper)
 }
 
 /// What a render has behind it.
-#[derive(Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Past {
     wall: Duration,
     cpu: Duration,
     samples: u64,
     rays: u64,
+    rounds: PastRounds,
+}
+
+/// The rounds that are over.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct PastRounds {
     totals: Totals,
+    /// Measurements of the noise so far.
     measurements: u32,
+    history: Vec<PastRound>,
+}
+
+/// Where a round began. What is decided after its end follows from this and from what it has drawn.
+struct Begun {
+    aim: Aim,
+    learnt: Learnt,
+    before: PastRounds,
 }
 
 /// Whether the goal makes sense.
@@ -114,9 +171,7 @@ struct Rounds<'a, T> {
     estimator: Estimator,
     outlook: Outlook,
     steering: Steering,
-    totals: Totals,
-    /// Measurements of the noise so far.
-    measurements: u32,
+    past: PastRounds,
 }
 
 impl<'a, T: Tracer> Rounds<'a, T> {
@@ -144,8 +199,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
             estimator: Estimator::new(pixels, Some(most), settings.time_limit),
             outlook: Outlook::new(settings),
             steering: Steering::new(settings),
-            totals: past.totals,
-            measurements: past.measurements,
+            past: past.rounds,
         }
     }
 
@@ -155,29 +209,35 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         control: &mut Control<'_>,
         mut aim: Aim,
         mut sampling: AdaptiveSampling,
+        mut keeper: Option<&mut Keeper>,
     ) -> Result<Rendered, RenderError> {
         sampling = observed(sampling);
         let stopped_by = loop {
             let clock = self.clock(control);
             let (start, before) = (clock.elapsed(), Counters::sum(&self.counters)[0]);
-            let round = || self.round(&sampling, &aim, control);
+            let begun = self.begin(aim);
+            let round = || self.round(&sampling, &begun, control, keeper.as_deref_mut());
             let stopped_by = tracing::debug_span!("round").in_scope(round)?;
-            let drawn = Counters::sum(&self.counters)[0] - before;
+            let drawn = Counters::sum(&self.counters)[0];
+            // A state may be that of the end of a round.
+            let (drawn, start) =
+                if drawn > before { (drawn - before, start) } else { (drawn, Duration::ZERO) };
             let pace = drawn as f64 / clock.elapsed().saturating_sub(start).as_secs_f64().max(1e-9);
-            self.totals.add(&sampling);
+            self.end(&sampling, aim, self.settings.max_samples);
             // It may have finished just when it was told to stop.
-            if let Some(stopped_by) = stopped_by.filter(|_| !sampling.is_finished()) {
-                break stopped_by;
-            }
-            let is_cut_short = !sampling.is_finished();
-            let is_asked_anew = self.take_asked(control);
-            aim.is_last &= !is_cut_short && !is_asked_anew;
-            if is_cut_short && self.is_too_early(&sampling) {
-                sampling = observed(AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?);
-                continue;
-            }
-            match self.decide(&sampling, &aim, pace, control)? {
-                Decision::Stop(stopped_by) => break stopped_by,
+            let decision = match stopped_by.filter(|_| !sampling.is_finished()) {
+                Some(stopped_by) => Decision::Stop(stopped_by),
+                None => self.after(&sampling, &mut aim, pace, control)?,
+            };
+            match decision {
+                Decision::Stop(stopped_by) => {
+                    if let Some(keeper) = keeper {
+                        let wall = self.clock(control).elapsed();
+                        keeper.save(|| self.kept().state(&begun, &sampling, wall));
+                        keeper.wait();
+                    }
+                    break stopped_by;
+                }
                 Decision::GoOn(next) => aim = next,
             }
             self.outlook.begin(aim.factor_left);
@@ -186,39 +246,117 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         if stopped_by == StoppedBy::TimeLimit && self.steering.has_rounds() {
             self.measure_in_time(&sampling, control)?;
         }
-        let cpu = self.cpu_start.zip(process::cpu_time()).map(|(before, after)| after.saturating_sub(before));
-        let [samples, rays] = Counters::sum(&self.counters);
-        let wall = self.clock(control).elapsed();
-        let mut statistics = self.totals.statistics(&sampling, &self.film, self.counters.len(), wall);
-        (statistics.cpu_seconds, statistics.samples, statistics.rays) =
-            (cpu.map(|cpu| cpu.as_secs_f64()), samples, rays);
-        let noise = self.steering.reported();
+        let (noise, bound) = (self.steering.reported(), self.steering.bound());
+        Ok(self.rendered(sampling, stopped_by, noise, bound, control))
+    }
+
+    /// What to do after a round that came to its end, or was cut short for another one.
+    fn after(
+        &mut self,
+        sampling: &AdaptiveSampling,
+        aim: &mut Aim,
+        pace: f64,
+        control: &mut Control<'_>,
+    ) -> Result<Decision, RenderError> {
+        let is_cut_short = !sampling.is_finished();
+        let is_asked_anew = self.take_asked(control);
+        aim.is_last &= !is_cut_short && !is_asked_anew;
+        if is_cut_short && self.is_too_early(sampling) {
+            return Ok(Decision::GoOn(*aim));
+        }
+        self.decide(sampling, aim, pace, control)
+    }
+
+    /// Draws what was recorded.
+    fn replay(mut self, recording: Recording, control: &mut Control<'_>) -> Result<Rendered, RenderError> {
+        let mut last: Option<AdaptiveSampling> = None;
+        let mut stopped_by = StoppedBy::Done;
+        for PastRound { aim, max_samples, cut } in recording.rounds {
+            let settings = self.library_up_to(&aim, max_samples);
+            let mut sampling = match &last {
+                Some(last) => AdaptiveSampling::resumed(settings, &Start::of(last))?,
+                None => AdaptiveSampling::new(settings)?,
+            };
+            if let Some(visits) = &cut {
+                sampling = sampling.stop_after(visits)?;
+            }
+            let begun = self.begin(aim);
+            let stopped = self.round(&sampling, &begun, control, None)?;
+            self.end(&sampling, aim, max_samples);
+            last = Some(sampling);
+            if let Some(stopped) = stopped {
+                stopped_by = stopped;
+                break;
+            }
+        }
+        let sampling = last.ok_or(quietus::Misfit("a recording without rounds"))?;
+        Ok(self.rendered(sampling, stopped_by, recording.noise, recording.bound, control))
+    }
+
+    /// Where a round stands that is about to begin.
+    fn begin(&self, aim: Aim) -> Begun {
+        Begun { aim, learnt: self.steering.learnt().clone(), before: self.past.clone() }
+    }
+
+    /// Takes down a round that is over.
+    fn end(&mut self, sampling: &AdaptiveSampling, aim: Aim, max_samples: u32) {
+        self.past.totals.add(sampling);
+        let cut = (!sampling.is_finished()).then(|| sampling.finished_visits());
+        self.past.history.push(PastRound { aim, max_samples, cut });
+    }
+
+    /// From a round that was to reach `aim` with at most `max_samples` to one towards the goal there is now, if that is
+    /// another one and the next decision would come too late to heed it.
+    fn towards_the_goal(
+        &mut self,
+        aim: Aim,
+        max_samples: u32,
+        sampling: AdaptiveSampling,
+    ) -> Result<(Aim, AdaptiveSampling), RenderError> {
+        let next = if self.steering.has_rounds() { aim } else { self.steering.first() };
+        if next == aim && max_samples == self.settings.max_samples {
+            return Ok((aim, sampling));
+        }
+        self.end(&sampling, aim, max_samples);
+        Ok((next, AdaptiveSampling::resumed(self.library(&next), &Start::of(&sampling))?))
+    }
+
+    fn rendered(
+        self,
+        sampling: AdaptiveSampling,
+        stopped_by: StoppedBy,
+        noise: Option<Noise>,
+        bound: Option<Bound>,
+        control: &Control<'_>,
+    ) -> Rendered {
+        let past = self.kept().past(self.clock(control).elapsed(), self.past.clone());
+        let mut statistics =
+            past.rounds.totals.statistics(&sampling, &self.film, self.counters.len(), past.wall);
+        statistics.cpu_seconds = self.cpu_start.map(|_| past.cpu.as_secs_f64());
+        (statistics.samples, statistics.rays) = (past.samples, past.rays);
         noise.into_iter().for_each(|noise| statistics.set_noise(noise));
         statistics.noise_asked = self.steering.asked().map(|asked| 100.0 * asked);
-        let past = Past {
-            wall,
-            cpu: cpu.unwrap_or_default(),
-            samples,
-            rays,
-            totals: self.totals,
-            measurements: self.measurements,
-        };
-        Ok(Rendered {
-            film: self.film,
-            sampling,
-            statistics,
-            stopped_by,
-            noise,
-            bound: self.steering.bound(),
-            past,
-        })
+        let recording = Recording { rounds: past.rounds.history.clone(), noise, bound };
+        Rendered { film: self.film, sampling, statistics, stopped_by, noise, bound, recording, past }
+    }
+
+    fn kept(&self) -> Kept<'_> {
+        Kept {
+            film: &self.film,
+            counters: &self.counters,
+            cpu_start: self.cpu_start,
+            max_samples: self.settings.max_samples,
+        }
     }
 
     fn library(&self, aim: &Aim) -> quietus::Settings {
-        let limited = match self.settings.sampling {
-            Sampling::Uniform => RenderSettings { max_samples: aim.samples, ..self.settings.clone() },
-            _ => self.settings.clone(),
-        };
+        self.library_up_to(aim, self.settings.max_samples)
+    }
+
+    /// As [`Self::library`] where no pixel is to exceed `max_samples`.
+    fn library_up_to(&self, aim: &Aim, max_samples: u32) -> quietus::Settings {
+        let max_samples = if self.settings.sampling == Sampling::Uniform { aim.samples } else { max_samples };
+        let limited = RenderSettings { max_samples, ..self.settings.clone() };
         limited.library(REPLICATES as u32, aim.target_error)
     }
 
@@ -247,15 +385,22 @@ impl<'a, T: Tracer> Rounds<'a, T> {
     fn round(
         &mut self,
         sampling: &AdaptiveSampling,
-        aim: &Aim,
+        begun: &Begun,
         control: &mut Control<'_>,
+        mut keeper: Option<&mut Keeper>,
     ) -> Result<Option<StoppedBy>, RenderError> {
         let mut stopped_by = None;
         let clock = self.clock(control);
+        let kept = Kept {
+            film: &self.film,
+            counters: &self.counters,
+            cpu_start: self.cpu_start,
+            max_samples: self.settings.max_samples,
+        };
         let (estimator, counters, film) = (&mut self.estimator, &self.counters, &self.film);
-        let round_end = clock.left().filter(|_| self.steering.has_rounds() && !aim.is_last);
+        let round_end = clock.left().filter(|_| self.steering.has_rounds() && !begun.aim.is_last);
         let round_end = round_end.map(|left| clock.elapsed() + left.mul_f64(LONGEST_ROUND));
-        let (outlook, measuring) = (&mut self.outlook, self.totals.noise_samples);
+        let (outlook, measuring) = (&mut self.outlook, self.past.totals.noise_samples);
         let (steering, settings, noise) = (&self.steering, self.settings, self.steering.progress());
         let round = Round { tracer: self.tracer, film, sampling, live: control.live, counters };
         let watch = || {
@@ -271,6 +416,9 @@ impl<'a, T: Tracer> Rounds<'a, T> {
             let mut progress = estimator.reading(elapsed, drawn, sampling.converged_fraction());
             progress.noise = noise;
             (control.watch)(&Watched { progress, film, sampling });
+            if let Some(keeper) = keeper.as_deref_mut().filter(|keeper| keeper.is_due()) {
+                keeper.save(|| kept.state(begun, sampling, clock.elapsed()));
+            }
             clock.interval()
         };
         round.run(watch)?;
@@ -347,8 +495,8 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         sampling: &AdaptiveSampling,
         control: &mut Control<'_>,
     ) -> Result<Result<Noise, StoppedBy>, RenderError> {
-        let (window, number) = (self.film.layout().window(), self.measurements);
-        self.measurements += 1;
+        let (window, number) = (self.film.layout().window(), self.past.measurements);
+        self.past.measurements += 1;
         let counters: Vec<_> = self.counters.iter().map(|_| Counters::default()).collect();
         let measuring = Measuring {
             tracer: self.tracer,
@@ -360,7 +508,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         };
         let cancel = control.cancel;
         let (estimator, drawn, noise) = (&mut self.estimator, &self.counters, self.steering.progress());
-        let (film, outlook, measured_before) = (&self.film, &self.outlook, self.totals.noise_samples);
+        let (film, outlook, measured_before) = (&self.film, &self.outlook, self.past.totals.noise_samples);
         let watch = || {
             let [samples, rays] = Counters::sum(drawn);
             let measuring = measured_before + Counters::sum(&counters)[0];
@@ -375,7 +523,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         let span = tracing::debug_span!("measure noise", number).entered();
         let measured = measuring.run(picture, is_cancelled, watch)?;
         drop(span);
-        self.totals.noise_samples += Counters::sum(&counters)[0];
+        self.past.totals.noise_samples += Counters::sum(&counters)[0];
         Ok(measured.ok_or_else(|| clock.stops(control).unwrap_or(StoppedBy::Done)))
     }
 }
@@ -389,6 +537,37 @@ fn observed(sampling: AdaptiveSampling) -> AdaptiveSampling {
 fn newly_asked(steering: &Steering, settings: &RenderSettings, control: &Control<'_>) -> Option<f64> {
     let asked = control.live.filter(|_| settings.sampling.can_forecast())?.asked_noise()?;
     (steering.asked() != Some(asked)).then_some(asked)
+}
+
+/// What is kept of a render, besides what its rounds have taught.
+#[derive(Clone, Copy)]
+struct Kept<'a> {
+    film: &'a Film,
+    counters: &'a [Counters],
+    cpu_start: Option<Duration>,
+    max_samples: u32,
+}
+
+impl Kept<'_> {
+    /// Copies everything out while nobody draws. `None` where that never comes about.
+    fn state(&self, begun: &Begun, sampling: &AdaptiveSampling, wall: Duration) -> Option<RenderState> {
+        let paused = sampling.pause()?;
+        Some(RenderState {
+            aim: begun.aim,
+            learnt: begun.learnt.clone(),
+            max_samples: self.max_samples,
+            past: self.past(wall, begun.before.clone()),
+            sampling: paused.state(),
+            film: self.film.state(),
+        })
+    }
+
+    /// What is behind it by now, with these rounds.
+    fn past(&self, wall: Duration, rounds: PastRounds) -> Past {
+        let [samples, rays] = Counters::sum(self.counters);
+        let cpu = self.cpu_start.zip(process::cpu_time()).map(|(before, after)| after.saturating_sub(before));
+        Past { wall, cpu: cpu.unwrap_or_default(), samples, rays, rounds }
+    }
 }
 
 enum Decision {

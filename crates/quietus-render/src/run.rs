@@ -7,6 +7,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use quietus::{AdaptiveSampling, Visit, Worker};
 use quietus_film::{Film, LayoutError, TILE_PIXELS, TileBuffer};
 use quietus_trace::tile::{PixelWork, TileCounts};
+use serde::{Deserialize, Serialize};
 
 use crate::crew;
 use crate::fault::{Fault, locate};
@@ -14,6 +15,7 @@ use crate::live::Live;
 use crate::noise::Noise;
 use crate::pixel_errors::{REPLICATES, tile_errors};
 use crate::progress::Progress;
+use crate::recording::Recording;
 use crate::rounds::Past;
 use crate::settings::Sampling;
 use crate::statistics::Statistics;
@@ -65,12 +67,14 @@ pub struct Rendered {
     pub noise: Option<Noise>,
     /// What kept it from what was asked for, if anything did.
     pub bound: Option<Bound>,
+    /// What it takes to draw it again.
+    pub recording: Recording,
     /// For [`crate::go_on`].
     pub(crate) past: Past,
 }
 
 /// A limit that keeps a picture from having the noise that was asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Bound {
     /// The minimum of samples per pixel already makes it cleaner.
     MinSamples,
@@ -106,6 +110,9 @@ pub enum RenderError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A state or a recording that is not of this render.
+    #[error("cannot go on: {0}")]
+    State(#[from] quietus::Misfit),
     /// The tracer panicked.
     #[error("panic at pixel ({}, {}), replicate {}, sample {}: {}", .0.x, .0.y, .0.replicate, .0.index, .0.message)]
     Panicked(Fault),
@@ -230,4 +237,13 @@ impl Drop for StopOnPanic<'_> {
 /// The locks here guard single values that are whole at any time, also after a panic.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl From<quietus::StateError> for RenderError {
+    fn from(error: quietus::StateError) -> Self {
+        match error {
+            quietus::StateError::Settings(error) => error.into(),
+            quietus::StateError::State(misfit) => misfit.into(),
+        }
+    }
 }

@@ -4,7 +4,9 @@ use std::num::NonZeroUsize;
 use std::time::Duration;
 
 use quietus::{Checks, Mode, PixelRect, Policy, Rebuild};
-use quietus_film::Window;
+use quietus_film::{Layout, LayoutError, Window};
+
+use crate::pixel_errors::REPLICATES;
 
 /// How samples are spread over the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -118,6 +120,14 @@ impl Sampling {
 }
 
 impl RenderSettings {
+    /// How the film is laid out.
+    ///
+    /// # Errors
+    /// When frame or window are out of range.
+    pub fn layout(&self) -> Result<Layout, LayoutError> {
+        Layout::new(self.frame, self.window, REPLICATES)
+    }
+
     /// The same in the library's terms, for pixels of `replicates` replicates, to a region error of `target_error`.
     pub(crate) fn library(&self, replicates: u32, target_error: f64) -> quietus::Settings {
         let Window { x0, y0, x1, y1 } = self.window;

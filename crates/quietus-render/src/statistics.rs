@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use quietus::{AdaptiveSampling, RebuildRecord};
 use quietus_film::Film;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::noise::Noise;
 use crate::process;
@@ -135,7 +135,7 @@ impl Statistics {
 }
 
 /// Sums over the rounds of a render.
-#[derive(Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Totals {
     /// Of the rounds that are over. The rebuilds of each region are numbered anew in each.
     sampling: quietus::Statistics,

@@ -13,8 +13,9 @@
 use std::time::Duration;
 
 use quietus::AdaptiveSampling;
+use serde::{Deserialize, Serialize};
 
-use crate::forecast::{Ahead, Forecast, even};
+use crate::forecast::{Ahead, Forecast, Past, even};
 use crate::noise::{Copied, Noise};
 use crate::pixel_errors::REPLICATES;
 use crate::progress::NoiseProgress;
@@ -49,7 +50,7 @@ const SHARE_OF_TIME: f64 = 0.6;
 const CUT_OFF: f64 = 0.06;
 
 /// What a round aims at.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Aim {
     /// Target error for the library.
     pub(crate) target_error: f64,
@@ -74,6 +75,12 @@ pub(crate) enum Verdict {
 /// What is known of the noise, and what follows from it.
 pub(crate) struct Steering {
     settings: RenderSettings,
+    learnt: Learnt,
+}
+
+/// What the rounds so far have taught: all that the next decision needs besides the settings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Learnt {
     /// Rounds so far.
     rounds: u32,
     /// The noise measured last, and whether it may be reported.
@@ -82,7 +89,7 @@ pub(crate) struct Steering {
     /// The squared error falls as samples to the power of minus this.
     fall: f64,
     /// As of the end of the round before.
-    before: Option<Forecast>,
+    before: Option<Past>,
     bound: Option<Bound>,
     /// The noise it will end with, where that is not the one asked for.
     expected: Option<f64>,
@@ -90,8 +97,7 @@ pub(crate) struct Steering {
 
 impl Steering {
     pub(crate) fn new(settings: &RenderSettings) -> Self {
-        Self {
-            settings: settings.clone(),
+        let learnt = Learnt {
             rounds: 0,
             measured: None,
             calibration: Calibration::default(),
@@ -99,13 +105,24 @@ impl Steering {
             before: None,
             bound: None,
             expected: None,
-        }
+        };
+        Self { settings: settings.clone(), learnt }
+    }
+
+    /// What was learnt so far.
+    pub(crate) fn learnt(&self) -> &Learnt {
+        &self.learnt
+    }
+
+    /// Goes on from what another one has learnt.
+    pub(crate) fn restore(&mut self, learnt: Learnt) {
+        self.learnt = learnt;
     }
 
     /// Another noise is asked for, whatever the goal was.
     pub(crate) fn ask(&mut self, noise: f64) {
         self.settings.goal = Goal::Noise(noise);
-        (self.bound, self.expected) = (None, None);
+        (self.learnt.bound, self.learnt.expected) = (None, None);
     }
 
     /// What the first round aims at.
@@ -147,37 +164,37 @@ impl Steering {
 
     /// The measurement to report.
     pub(crate) fn reported(&self) -> Option<Noise> {
-        self.measured.filter(|(_, is_report)| *is_report).map(|(noise, _)| noise)
+        self.learnt.measured.filter(|(_, is_report)| *is_report).map(|(noise, _)| noise)
     }
 
     /// What keeps the picture from what was asked for.
     pub(crate) fn bound(&self) -> Option<Bound> {
-        self.bound
+        self.learnt.bound
     }
 
     /// What a watcher is told.
     pub(crate) fn progress(&self) -> Option<NoiseProgress> {
-        let measured = self.measured.map(|(noise, _)| noise);
-        self.asked().map(|asked| NoiseProgress { asked, measured, expected: self.expected })
+        let measured = self.learnt.measured.map(|(noise, _)| noise);
+        self.asked().map(|asked| NoiseProgress { asked, measured, expected: self.learnt.expected })
     }
 
     /// Looks at the picture at the end of a round.
     pub(crate) fn look(&mut self, picture: &Copied, sampling: &AdaptiveSampling) -> Forecast {
-        self.rounds += 1;
+        self.learnt.rounds += 1;
         let counts = self.settings.library(REPLICATES as u32, FIRST_TARGET).pass_counts();
         let now = Forecast::new(&picture.finished(), sampling, counts);
-        if let Some(fall) = self.before.as_ref().and_then(|before| before.fall_to(&now)) {
-            self.fall = 0.5 * (self.fall + fall.clamp(0.6, 1.6));
+        if let Some(fall) = self.learnt.before.as_ref().and_then(|before| before.fall_to(&now)) {
+            self.learnt.fall = 0.5 * (self.learnt.fall + fall.clamp(0.6, 1.6));
         }
-        let now = now.with_fall(self.fall);
-        self.before = Some(now.clone());
+        let now = now.with_fall(self.learnt.fall);
+        self.learnt.before = Some(now.past());
         now
     }
 
     /// Takes in a measurement; whether it may be reported depends on what follows.
     pub(crate) fn take(&mut self, noise: Noise, forecast: &Forecast) {
-        self.measured = Some((noise, false));
-        self.calibration.take(noise, forecast.square);
+        self.learnt.measured = Some((noise, false));
+        self.learnt.calibration.take(noise, forecast.square);
     }
 
     /// What is to be done after the round that aimed at `aim`.
@@ -209,19 +226,19 @@ impl Steering {
         aim: &Aim,
         forecast: &Forecast,
     ) -> Result<(Ahead, bool, Ahead), Verdict> {
-        let Some((measured, _)) = self.measured else { return Err(Verdict::Finished) };
-        let is_missed = measured.low > asked && self.rounds < MOST_ROUNDS;
+        let Some((measured, _)) = self.learnt.measured else { return Err(Verdict::Finished) };
+        let is_missed = measured.low > asked && self.learnt.rounds < MOST_ROUNDS;
         if aim.is_last && !is_missed {
             return Err(self.finish(measured));
         }
-        let square = self.calibration.square(forecast.square);
+        let square = self.learnt.calibration.square(forecast.square);
         let goal = (AIM * asked).powi(2) / square;
         let best = forecast.limit();
         let reach = forecast.least(|ahead| ahead.square <= goal);
         // Where it is out of reach: almost as far as one gets, as the rest would go to pixels that hardly matter.
         let reach = reach.or_else(|| {
-            self.bound = Some(Bound::MaxSamples);
-            self.expected = Some((square * best.square).sqrt());
+            self.learnt.bound = Some(Bound::MaxSamples);
+            self.learnt.expected = Some((square * best.square).sqrt());
             forecast.least(|ahead| ahead.square <= 1.005 * best.square)
         });
         let Some(reach) = reach.filter(|reach| reach.samples > SMALLEST_STEP) else {
@@ -236,14 +253,14 @@ impl Steering {
     }
 
     fn finish(&mut self, measured: Noise) -> Verdict {
-        self.measured = Some((measured, true));
+        self.learnt.measured = Some((measured, true));
         Verdict::Finished
     }
 
     /// The goal is reached before a round was meant to be the last.
     fn finish_early(&mut self, measured: Noise, asked: f64, aim: &Aim) -> Verdict {
-        if self.rounds == 1 && self.bound.is_none() {
-            self.bound = Some(Bound::MinSamples);
+        if self.learnt.rounds == 1 && self.learnt.bound.is_none() {
+            self.learnt.bound = Some(Bound::MinSamples);
         }
         // Clear of the goal, the measurement would have decided the same if it had come out otherwise.
         match aim.is_last || measured.high < asked {
@@ -254,7 +271,7 @@ impl Steering {
 
     /// Takes in the measurement that was asked for by [`Verdict::MeasureAgain`].
     pub(crate) fn take_report(&mut self, noise: Noise) {
-        self.measured = Some((noise, true));
+        self.learnt.measured = Some((noise, true));
     }
 }
 
@@ -291,6 +308,7 @@ impl TimeLeft {
 ///
 /// Every measurement says so with a known precision; what is believed is the mean of all, newer ones counting more, since
 /// the ratio may drift from round to round (a Kalman filter for one number, in logarithms).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Calibration {
     /// Logarithm of the true mean square over that by halves.
     ratio: f64,

@@ -65,7 +65,6 @@ const MOST_PASSES: u64 = 1 << 40;
 
 /// Why a sampling cannot go on from a state.
 #[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
 pub enum StateError {
     /// The settings make no sense.
     Settings(SettingsError),

@@ -20,6 +20,7 @@ pub struct RebuildRecord {
 
 /// What happened so far.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Statistics {
     /// Tile visits that drew samples.
     pub visits: u64,

@@ -416,7 +416,7 @@ mod terminal {
                 lines.len() == 3
                     && is_bar(&lines[0])
                     && lines.iter().all(|l| l.chars().count() < usize::from(columns))
-                    && (columns < 60 || lines[1].contains("left"))
+                    && (columns < 60 || lines[0].ends_with("left"))
             };
             terminal.wait("three lines that fit", fits);
         }

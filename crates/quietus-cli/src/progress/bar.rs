@@ -129,10 +129,10 @@ mod tests {
         let notes: Vec<String> = (0..7).map(|i| format!("warning: {i}")).collect();
         let lines = lines(Measure::Converged, Some(&snapshot), &notes, 80);
         assert_eq!(lines.len(), 2 + 1 + MOST_NOTES);
-        assert!(lines[0].contains("█") && lines[0].ends_with("50.0 % converged"));
+        assert!(lines[0].contains("█") && lines[0].ends_with("50.0 % converged, 1:02:03 left"));
         assert!(lines[2].contains("3 earlier"));
         assert!(lines[3].contains("warning: 3") && lines[6].contains("warning: 6"));
-        let narrow = super::lines(Measure::Converged, Some(&snapshot), &[], 25);
-        assert_eq!(narrow[0], "50.0 % converged");
+        let narrow = super::lines(Measure::Converged, Some(&snapshot), &[], 40);
+        assert_eq!(narrow[0], "50.0 % converged, 1:02:03 left");
     }
 }

@@ -63,7 +63,7 @@ impl Measure {
         let progress = &snapshot.progress;
         let (share, name) = match self {
             Self::Converged => (progress.converged_fraction, "converged"),
-            Self::Noise => (snapshot.noise_share()?, "of the samples it will take"),
+            Self::Noise => (snapshot.noise_share()?, "of the way"),
             Self::Samples(all) => (progress.samples as f64 / all, "drawn"),
             Self::Time(all) => (progress.elapsed.as_secs_f64() / all.as_secs_f64(), "of the time"),
         };

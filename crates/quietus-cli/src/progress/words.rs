@@ -6,20 +6,21 @@ use quietus_render::NoiseProgress;
 
 use super::{Measure, Snapshot};
 
-/// How far it is, as a share of `measure`.
+/// How far it is, as a share of `measure`, and the time left.
 pub(super) fn share(measure: Measure, snapshot: &Snapshot) -> String {
-    match measure.share(snapshot) {
+    let share = match measure.share(snapshot) {
         Some((share, name)) => format!("{:.1} % {name}", 100.0 * share),
         None => "noise not measured yet".to_owned(),
-    }
+    };
+    let left = snapshot.progress.remaining.map_or_else(|| "?".to_owned(), duration);
+    format!("{share}, {left} left")
 }
 
-/// Noise, samples, speed and time.
+/// Noise, samples, speed and time: what fits into 80 columns.
 pub(super) fn status(snapshot: &Snapshot) -> String {
     let Snapshot { progress, spp_max, .. } = snapshot;
-    let left = progress.remaining.map_or_else(|| "?".to_owned(), duration);
     format!(
-        "{}{:.1} spp (at most {spp_max}), {:.2} Mrays/s, {} done, {left} left",
+        "{}{:.1} spp (max {spp_max}), {:.2} Mrays/s, {} done",
         progress.noise.as_ref().map_or_else(String::new, noise),
         progress.spp_mean,
         progress.rays_per_second / 1e6,
@@ -70,14 +71,17 @@ pub(super) mod tests {
     #[test]
     fn words_tell_share_speed_and_time() {
         let snapshot = Snapshot { progress: progress(), spp_max: 64, measured_at: 5 };
-        let expected = "12.3 spp (at most 64), 12.34 Mrays/s, 1:03 done, 1:02:03 left";
+        let expected = "12.3 spp (max 64), 12.34 Mrays/s, 1:03 done";
         assert_eq!(status(&snapshot), expected);
-        assert_eq!(share(Measure::Converged, &snapshot), "50.0 % converged");
-        assert_eq!(share(Measure::Samples(40.0), &snapshot), "25.0 % drawn");
-        assert_eq!(share(Measure::Time(Duration::from_secs(7)), &snapshot), "100.0 % of the time");
+        assert_eq!(share(Measure::Converged, &snapshot), "50.0 % converged, 1:02:03 left");
+        assert_eq!(share(Measure::Samples(40.0), &snapshot), "25.0 % drawn, 1:02:03 left");
+        assert_eq!(
+            share(Measure::Time(Duration::from_secs(7)), &snapshot),
+            "100.0 % of the time, 1:02:03 left"
+        );
         let unknown =
             Snapshot { progress: Progress { remaining: None, ..progress() }, spp_max: 64, measured_at: 5 };
-        assert!(status(&unknown).ends_with("? left"));
+        assert!(share(Measure::Converged, &unknown).ends_with(", ? left"));
     }
 
     #[test]
@@ -89,11 +93,11 @@ pub(super) mod tests {
             measured_at: 5,
         };
         assert!(status(&of(asked)).starts_with("noise ? of 1 % asked, 12.3 spp"));
-        assert_eq!(share(Measure::Noise, &of(asked)), "noise not measured yet");
+        assert_eq!(share(Measure::Noise, &of(asked)), "noise not measured yet, 1:02:03 left");
         let noise = Noise { reached: 0.0231, low: 0.02, high: 0.03 };
         let known = NoiseProgress { measured: Some(noise), expected: Some(0.0125), ..asked };
         assert!(status(&of(known)).starts_with("noise 2.31 % of 1 % asked, will end at 1.25 %, 12.3"));
         // (1 / 2.31)^2 of the samples when it was measured, and twice as many now.
-        assert_eq!(share(Measure::Noise, &of(known)), "37.5 % of the samples it will take");
+        assert_eq!(share(Measure::Noise, &of(known)), "37.5 % of the way, 1:02:03 left");
     }
 }

@@ -1,6 +1,7 @@
 //! One entry to everything a developer of Quietus does: `cargo xtask test`, `lint`, `bench`, `fuzz`, `measure`, `gallery`.
 
 mod bench;
+mod browser;
 mod fuzz;
 mod gallery;
 mod lint;

@@ -3,6 +3,7 @@
 use anyhow::Result;
 
 use crate::{
+    browser,
     lint::lint,
     run::{cargo, root, run},
 };
@@ -11,7 +12,8 @@ use crate::{
 /// library's atomics and locks and so need builds of their own.
 pub(crate) fn test() -> Result<()> {
     lint()?;
-    run(cargo().args(["test", "--workspace"]))?;
+    let axe = browser::prepare().map(|path| ("QUIETUS_AXE", path));
+    run(cargo().args(["test", "--workspace"]).envs(axe))?;
     for checker in ["loom", "shuttle"] {
         // Their own target folders: other flags would rebuild everything each time.
         let target = root().join("target").join(checker);

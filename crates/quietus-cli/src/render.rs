@@ -30,6 +30,8 @@ use crate::watching::{Onlookers, Subject};
 pub(crate) struct Ready {
     pub(crate) scene: Scene,
     pub(crate) camera: Camera,
+    /// Before anybody moved it.
+    pub(crate) scene_camera: Camera,
     view: View,
     pub(crate) settings: RenderSettings,
     look: Look,
@@ -67,7 +69,21 @@ impl Ready {
     pub(crate) fn look_through(&mut self, args: &RenderArgs, camera: Camera) -> bool {
         let Ok(view) = self.view_of(args, &camera, self.settings.frame) else { return false };
         (self.view, self.camera, self.is_changed) = (view, camera, true);
+        self.steered();
         true
+    }
+
+    /// Goes for this noise, as a share of white, for as long as it takes.
+    pub(crate) fn ask_for_noise(&mut self, noise: f64) {
+        self.settings.time_limit = None;
+        self.settings.goal = Goal::Noise(noise);
+        self.steered();
+    }
+
+    /// What files say of the settings is to be true.
+    fn steered(&mut self) {
+        let is_moved = self.camera.to_world != self.scene_camera.to_world;
+        self.report.steer(&self.settings, is_moved.then_some(&self.camera.to_world));
     }
 
     /// Draws another part of the frame, and says whether it has one.
@@ -75,6 +91,7 @@ impl Ready {
         let is_sound = Layout::new(self.settings.frame, window, 2).is_ok();
         if is_sound {
             (self.settings.window, self.is_changed) = (window, true);
+            self.steered();
         }
         is_sound
     }
@@ -182,7 +199,9 @@ fn prepare(
     let load_seconds = start.elapsed().as_secs_f64();
     tracing::info!("built it in {:.2} s", load_seconds - seconds);
     let camera = camera.clone();
-    Ok(Ready { scene, camera, view, settings, look, report, load_seconds, is_changed: false })
+    let scene_camera = camera.clone();
+    let is_changed = false;
+    Ok(Ready { scene, camera, scene_camera, view, settings, look, report, load_seconds, is_changed })
 }
 
 fn view(args: &RenderArgs, camera: &Camera, frame: [u32; 2], look: &Look) -> Result<View, ViewError> {

@@ -5,6 +5,7 @@ use std::io::Write;
 use std::path::Path;
 
 use clap::ValueEnum;
+use glam::Affine3A;
 use quietus::{Checks, Rebuild};
 use quietus_film::{Metadata, OutputError, write_atomically};
 use quietus_render::{Goal, Rendered, Sampling, Statistics, StoppedBy};
@@ -21,6 +22,7 @@ use crate::wishes::{filter_name, filter_parameters};
 pub(crate) struct Settings {
     scene: String,
     camera: String,
+    camera_to_world: Option<[f32; 12]>,
     environment: Option<String>,
     animation: Option<String>,
     frame: Option<u32>,
@@ -61,6 +63,7 @@ impl Settings {
         Self {
             scene: args.scene.as_deref().map_or_else(|| "built-in".to_owned(), path),
             camera: camera.to_owned(),
+            camera_to_world: None,
             environment: args.env.as_deref().map(path),
             animation: None,
             frame: None,
@@ -70,14 +73,8 @@ impl Settings {
             height: settings.frame[1],
             crop: [window.x0, window.y0, window.x1, window.y1],
             sampling: sampling_name(settings.sampling),
-            noise: match settings.goal {
-                Goal::Noise(noise) => Some(100.0 * noise),
-                _ => None,
-            },
-            target_error: match settings.goal {
-                Goal::TargetError(error) => Some(error),
-                _ => None,
-            },
+            noise: noise(settings.goal),
+            target_error: target_error(settings.goal),
             min_samples: adaptive.then_some(settings.min_samples),
             max_samples: (settings.max_samples < u32::MAX).then_some(settings.max_samples),
             time_limit_seconds: settings.time_limit.map(|limit| limit.as_secs_f64()),
@@ -111,6 +108,16 @@ impl Settings {
         Self { animation: Some(animation.to_owned()), frame: Some(frame), fps, shutter, ..self }
     }
 
+    /// The same after somebody who watched it asked for another part, another noise or, with `camera_to_world`, another
+    /// place of the camera.
+    pub(crate) fn steer(&mut self, settings: &RenderSettings, camera_to_world: Option<&Affine3A>) {
+        let window = settings.window;
+        self.crop = [window.x0, window.y0, window.x1, window.y1];
+        (self.noise, self.target_error) = (noise(settings.goal), target_error(settings.goal));
+        self.time_limit_seconds = settings.time_limit.map(|limit| limit.as_secs_f64());
+        self.camera_to_world = camera_to_world.map(Affine3A::to_cols_array);
+    }
+
     /// Name and value of every setting that is set, and the version.
     pub(crate) fn metadata(&self) -> Metadata {
         let mut metadata = vec![("version".to_owned(), VERSION.to_owned())];
@@ -126,6 +133,20 @@ impl Settings {
 }
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+fn noise(goal: Goal) -> Option<f64> {
+    match goal {
+        Goal::Noise(noise) => Some(100.0 * noise),
+        Goal::TargetError(_) | Goal::Limits => None,
+    }
+}
+
+fn target_error(goal: Goal) -> Option<f64> {
+    match goal {
+        Goal::TargetError(error) => Some(error),
+        Goal::Noise(_) | Goal::Limits => None,
+    }
+}
 
 pub(crate) fn sampling_name(sampling: Sampling) -> &'static str {
     match sampling {

@@ -11,7 +11,6 @@ use quietus_film::{Film, Layout, TILE, Window, read_exr_planes};
 use quietus_render::{
     Control, Goal, Live, PathTracer, RenderSettings, Rendered, Sampling, StoppedBy, Watched, render,
 };
-use quietus_trace::desc::Camera;
 use quietus_view::{Options, ReferencePicture, Session, State, Token, View, Wish, moved};
 
 use crate::args::RenderArgs;
@@ -68,6 +67,8 @@ pub(crate) struct Viewing {
     stop: Arc<AtomicBool>,
     /// Distance of what the camera moves around.
     pivot: Option<f32>,
+    /// Size of the picture to compare with.
+    reference: Option<[u32; 2]>,
 }
 
 impl Viewing {
@@ -88,16 +89,18 @@ impl Viewing {
                 None => Ok(None),
             };
         }
+        let reference = reference.as_deref().map(read_reference).transpose()?;
+        let size = reference.as_ref().map(|reference| reference.size);
         let options = Options {
             bind: bind.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST)),
             port: port.unwrap_or(0),
             token: token()?,
-            reference: reference.as_deref().map(read_reference).transpose()?,
+            reference,
         };
         let view = View::start(options).map_err(|error| Failure::usage(error.to_string()))?;
         say::address(&view.address());
         let stop = Arc::default();
-        Ok(Some(Self { view, stays, live: None, wish: None, stop, pivot: None }))
+        Ok(Some(Self { view, stays, live: None, wish: None, stop, pivot: None, reference: size }))
     }
 
     /// What draws has to stop for, and to show itself to.
@@ -132,7 +135,6 @@ impl Viewing {
         frame: Option<u32>,
         cancel: &AtomicBool,
     ) -> Result<Ending, Failure> {
-        let scene_camera = ready.camera.clone();
         let whole = ready.settings.window;
         self.begin(args, plan, ready, frame)?;
         let mut before = None;
@@ -148,14 +150,12 @@ impl Viewing {
                 Some(wish) => wish,
             };
             if let Wish::Noise(percent) = wish {
-                // Who asks for this wants to wait for it.
-                ready.settings.time_limit = None;
-                ready.settings.goal = Goal::Noise(percent / 100.0);
+                ready.ask_for_noise(percent / 100.0);
                 before = Some(rendered);
                 self.view.go_on(self.live.clone());
             } else {
                 drop(rendered);
-                self.follow(args, ready, wish, &scene_camera, whole);
+                self.follow(args, ready, wish, whole);
                 self.begin(args, plan, ready, frame)?;
             }
         }
@@ -171,6 +171,14 @@ impl Viewing {
     ) -> Result<(), Failure> {
         let RenderSettings { frame: size, window, sampling, .. } = ready.settings;
         let layout = Layout::new(size, window, 2)?;
+        if let Some([width, height]) = self.reference.filter(|reference| *reference != size) {
+            return Err(Failure::input(format!(
+                "{}: expected the size of the frame, {}x{} pixels, found {width}x{height}",
+                args.viewing.reference.as_deref().unwrap_or(Path::new("")).display(),
+                size[0],
+                size[1]
+            )));
+        }
         let live = Arc::new(Live::new(&layout));
         let moment = frame.map_or_else(String::new, |frame| format!(", frame {frame}"));
         let session = Session {
@@ -244,14 +252,7 @@ impl Viewing {
     }
 
     /// Changes what will be drawn, and shows it coarsely at once. Moves are followed until the camera rests.
-    fn follow(
-        &mut self,
-        args: &RenderArgs,
-        ready: &mut Ready,
-        wish: Wish,
-        scene_camera: &Camera,
-        whole: Window,
-    ) {
+    fn follow(&mut self, args: &RenderArgs, ready: &mut Ready, wish: Wish, whole: Window) {
         let mut next = Some(wish);
         while let Some(wish) = next.take() {
             let changed = match wish {
@@ -261,7 +262,7 @@ impl Viewing {
                     self.pivot = Some(distance);
                     camera.is_some_and(|camera| ready.look_through(args, camera))
                 }
-                Wish::Home => ready.look_through(args, scene_camera.clone()),
+                Wish::Home => ready.look_through(args, ready.scene_camera.clone()),
                 Wish::Crop(window) => ready.crop(window.unwrap_or(whole)),
                 // It has stopped already; with the noise it is the same.
                 Wish::Stop | Wish::Noise(_) => false,

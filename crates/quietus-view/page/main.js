@@ -70,7 +70,7 @@ function status(message) {
   }
   // Said once per quarter, for those who listen.
   const quarter = Math.floor(4 * message.converged) * 25;
-  const words = { rendering: `Rendering, ${quarter} % converged or more`, paused: "Paused", finished: "Finished",
+  const words = { rendering: quarter ? `Rendering, over ${quarter} % converged` : "Rendering", paused: "Paused", finished: "Finished",
     stopped: "Stopped" };
   say(words[message.state]);
 }

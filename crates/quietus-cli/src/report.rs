@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use glam::Affine3A;
 use quietus::{Checks, Rebuild};
 use quietus_film::{Metadata, OutputError, write_atomically};
-use quietus_render::{Goal, Rendered, Sampling, Statistics, StoppedBy};
+use quietus_render::{Goal, RenderSettings, Rendered, Sampling, Statistics, StoppedBy};
 use serde::Serialize;
 use serde_json::Value;
 

@@ -241,8 +241,8 @@ impl Viewing {
                 None => (),
             }
         }
-        // Nothing is lost: it was written before.
-        kept.map(|_| Next::End(Ending::Interrupted))
+        // It was written before.
+        kept.map(Next::End)
     }
 
     fn show_still(&mut self, rendered: &Rendered) {
@@ -264,8 +264,15 @@ impl Viewing {
                 }
                 Wish::Home => ready.look_through(args, ready.scene_camera.clone()),
                 Wish::Crop(window) => ready.crop(window.unwrap_or(whole)),
-                // It has stopped already; with the noise it is the same.
-                Wish::Stop | Wish::Noise(_) => false,
+                Wish::Noise(percent) => {
+                    ready.ask_for_noise(percent / 100.0);
+                    true
+                }
+                Wish::Stop => {
+                    // As soon as there is something to stop.
+                    self.wish = Some(Wish::Stop);
+                    return;
+                }
             };
             if !changed {
                 self.view.say("that cannot be drawn: the picture stays as it is", true);

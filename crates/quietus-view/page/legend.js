@@ -5,7 +5,7 @@ import { number } from "./words.js";
 
 const UNITS = {
   samples: "samples per pixel",
-  error: "remaining error, in units of Dammertz's metric (1 = white against black)",
+  error: "remaining error: |I − A| / √I over both halves (Dammertz et al. 2010)",
   depth: "distance along the view, in units of the scene",
 };
 

@@ -33,7 +33,6 @@ export function connect(on) {
       const count = new Uint32Array(buffer, 8, 1)[0];
       const indices = new Uint32Array(buffer, 12, count);
       on.tiles({ session, layer: LAYERS[layer], indices, buffer, offset: 12 + 4 * count });
-      ask({ do: "ack" });
     } else if (kind === COARSE) {
       const window = new Int32Array(buffer, 8, 4), [width, height] = new Uint32Array(buffer, 24, 2);
       on.coarse({ session, window, width, height, halves: new Uint16Array(buffer, 32) });

@@ -12,7 +12,7 @@ import { large, number, percent, time } from "./words.js";
 
 const id = (name) => document.getElementById(name);
 const look = { layer: "beauty", stops: 0, tone: "srgb", map: "viridis" };
-const state = { session: null, render: "", store: null, now: null, kept: null, reference: null, said: "" };
+const state = { session: null, render: "", store: null, now: null, kept: null, reference: null, said: "", taken: 0 };
 
 const stage = new Stage(id("stage"), valuesAt);
 const curves = new Curves(id("curves"));
@@ -38,6 +38,7 @@ function session(message) {
   state.store = new Store(message.window);
   state.now = stage.now = new Surface(state.store, look);
   state.kept = state.reference = stage.tree = null;
+  state.taken = 0;
   // What was coarse is below the tiles now, until they are there.
   stage.isCoarse = false;
   stage.origin = message.window;
@@ -80,6 +81,7 @@ function history({ moments }) {
 }
 
 function tiles(message) {
+  state.taken++;
   if (message.session !== state.session?.number) return;
   state.store.take(message);
   if (message.layer === look.layer || message.layer === "beauty") state.now.add(message.indices);
@@ -126,6 +128,8 @@ function frame() {
     if (surface?.isBusy && surface.paint()) stage.changed = true;
   }
   if (stage.changed) stage.draw();
+  // More is wanted when this is on the screen; a page that nobody sees wants nothing.
+  for (; state.taken && !state.now?.isBusy; state.taken--) link.ask({ do: "ack" });
   requestAnimationFrame(frame);
 }
 requestAnimationFrame(frame);
@@ -157,14 +161,15 @@ function compare() {
   const choice = id("compare").value;
   const store = choice === "earlier" ? state.kept : choice === "reference" ? state.reference : null;
   if (choice === "reference" && !store) loadReference();
-  // A reference has a picture alone.
-  stage.other = store && new Surface(store, choice === "reference" ? referenceLook() : look);
+  stage.other = store && new Surface(store, lookAt(store));
   id("wipe-row").hidden = !store;
   stage.changed = true;
 }
 
-function referenceLook() {
-  return new Proxy(look, { get: (from, name) => (name === "layer" ? "beauty" : from[name]) });
+// The same look, but for layers that the store lacks: a reference, say, has a picture alone.
+function lookAt({ layers }) {
+  const get = (from, name) => (name === "layer" && !layers[from.layer] ? "beauty" : from[name]);
+  return new Proxy(look, { get });
 }
 
 async function loadReference() {
@@ -344,8 +349,9 @@ const KEYS = {
   Escape: () => setMode("look"),
 };
 addEventListener("keydown", (event) => {
-  // Fields, lists and buttons have keys of their own.
-  const isTaken = event.target.closest?.("input, select, button, summary") && event.key !== "Escape";
+  // Fields and lists have keys of their own; buttons have the space bar.
+  const isField = event.target.closest?.("input:not([type=checkbox]), select") && event.key !== "Escape";
+  const isTaken = isField || (event.key === " " && event.target.closest?.("button, input, summary"));
   const action = isTaken || event.ctrlKey || event.altKey || event.metaKey ? null : KEYS[event.key];
   if (action) {
     event.preventDefault();

@@ -5,6 +5,7 @@ mod bits;
 mod figure1;
 mod protocol;
 mod results;
+mod view;
 
 use anyhow::Result;
 use clap::Subcommand;
@@ -23,6 +24,8 @@ pub(crate) enum Measure {
     Scaling,
     /// Figure 1 of the talk: `tile` beside `quietus` at the same number of samples
     Figure1,
+    /// What the live view costs a render: docs/view.md
+    View,
     /// What every policy gains and loses on every scene, by replay: docs/results.md
     Results {
         /// Only scenes whose path contains this
@@ -39,6 +42,7 @@ pub(crate) fn measure(what: &Measure) -> Result<()> {
         Measure::Bits => bits::bits(&quietus),
         Measure::Scaling => protocol::scaling(&quietus),
         Measure::Figure1 => figure1::figure1(&quietus),
+        Measure::View => view::view(&quietus),
         Measure::Results { only } => results::results(&quietus, only.as_deref()),
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! The crates that speak all of it bring some sixty others along.
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -57,17 +57,35 @@ impl Driver {
             self.port,
             body.len()
         );
-        let mut answer = Vec::new();
         stream.write_all(format!("{head}{body}").as_bytes()).map_err(|error| error.to_string())?;
-        stream.read_to_end(&mut answer).map_err(|error| format!("{method} {path}: {error}"))?;
-        let answer = String::from_utf8_lossy(&answer);
-        let (head, body) = answer.split_once("\r\n\r\n").ok_or("no answer")?;
-        let mut value: Value = serde_json::from_str(body).map_err(|error| format!("{head}: {error}"))?;
-        match head.starts_with("HTTP/1.1 200") {
+        let (status, body) =
+            read_answer(BufReader::new(stream)).map_err(|error| format!("{method} {path}: {error}"))?;
+        let mut value: Value = serde_json::from_slice(&body).map_err(|error| format!("{status}: {error}"))?;
+        match status.starts_with("HTTP/1.1 200") {
             true => Ok(value["value"].take()),
             false => Err(format!("{method} {path}: {}", value["value"]["message"])),
         }
     }
+}
+
+/// First line and body. The driver keeps its connections open: only the length says where an answer ends.
+fn read_answer(mut stream: impl BufRead) -> std::io::Result<(String, Vec<u8>)> {
+    let (mut status, mut length) = (String::new(), 0);
+    stream.read_line(&mut status)?;
+    loop {
+        let mut line = String::new();
+        stream.read_line(&mut line)?;
+        match line.trim_end().split_once(':') {
+            Some((name, value)) if name.eq_ignore_ascii_case("content-length") => {
+                length = value.trim().parse().map_err(std::io::Error::other)?;
+            }
+            Some(_) => (),
+            None => break,
+        }
+    }
+    let mut body = vec![0; length];
+    stream.read_exact(&mut body)?;
+    Ok((status, body))
 }
 
 impl Drop for Driver {

@@ -18,7 +18,7 @@ const LAPTOP: [u32; 2] = [1440, 900];
 const TABLET: [u32; 2] = [820, 1180];
 
 /// A render that goes on for longer than any test.
-const ENDLESS: &str = "--size 320x180 --target-error 1e-9 --max-samples 1000000 --threads 1";
+const ENDLESS: &str = "--size 320x180 --target-error 1e-9 --min-samples 4 --max-samples 1000000 --threads 1";
 
 /// The driver, or `None` where there is none and that is no fault.
 fn driver() -> Option<Driver> {
@@ -85,6 +85,8 @@ fn the_picture_arrives_and_can_be_looked_at_in_every_way() {
     let program = Program::start(&format!("view {ENDLESS}"));
     let browser = look(&driver, &program, LAPTOP);
     changes_picture(&browser, "it converges", || ());
+    // Until then there is no tree to be seen.
+    browser.wait("curves.innerText.includes('Slowest rebuild')");
     pause(&browser);
     let still = browser.run(&format!("return {PICTURE}"));
     std::thread::sleep(std::time::Duration::from_secs(1));

@@ -23,7 +23,7 @@ use crate::progress::{Measure, ProgressArg};
 use crate::report::{Settings, name, stopped_by};
 use crate::say;
 use crate::source::{Source, scene_name};
-use crate::viewing::Viewing;
+use crate::viewing::{Viewing, goes_by_noise};
 use crate::watching::{Onlookers, Subject};
 
 /// Everything a picture needs, loaded and checked.
@@ -73,11 +73,14 @@ impl Ready {
         true
     }
 
-    /// Goes for this noise, as a share of white, for as long as it takes.
-    pub(crate) fn ask_for_noise(&mut self, noise: f64) {
-        self.settings.time_limit = None;
-        self.settings.goal = Goal::Noise(noise);
-        self.steered();
+    /// Goes for this noise, as a share of white, and says whether that is possible.
+    pub(crate) fn ask_for_noise(&mut self, noise: f64) -> bool {
+        let can_steer = goes_by_noise(self.settings.sampling);
+        if can_steer {
+            self.settings.goal = Goal::Noise(noise);
+            self.steered();
+        }
+        can_steer
     }
 
     /// What files say of the settings is to be true.

@@ -65,6 +65,8 @@ pub(crate) struct Viewing {
     wish: Option<Wish>,
     /// Set when the render has to end, for a wish or for Ctrl-C.
     stop: Arc<AtomicBool>,
+    /// The noise that was asked for while it ran, as a share of white.
+    noise: Option<f64>,
     /// Distance of what the camera moves around.
     pivot: Option<f32>,
     /// Size of the picture to compare with.
@@ -100,7 +102,16 @@ impl Viewing {
         let view = View::start(options).map_err(|error| Failure::usage(error.to_string()))?;
         say::address(&view.address());
         let stop = Arc::default();
-        Ok(Some(Self { view, stays, live: None, wish: None, stop, pivot: None, reference: size }))
+        Ok(Some(Self {
+            view,
+            stays,
+            live: None,
+            wish: None,
+            stop,
+            noise: None,
+            pivot: None,
+            reference: size,
+        }))
     }
 
     /// What draws has to stop for, and to show itself to.
@@ -116,6 +127,11 @@ impl Viewing {
         if self.wish.is_none() {
             self.wish = self.view.next_wish(Duration::ZERO);
             self.pivot = self.pivot.or_else(|| depth_in_the_middle(watched.film));
+        }
+        if let Some(Wish::Noise(percent)) = self.wish {
+            // No reason to end it.
+            live.ask_noise(percent / 100.0);
+            (self.noise, self.wish) = (Some(percent / 100.0), None);
         }
         // Relaxed: the flags guard no data.
         if self.wish.is_some() || cancel.load(Ordering::Relaxed) {
@@ -142,6 +158,9 @@ impl Viewing {
             self.stop.store(false, Ordering::Relaxed);
             let audience = Audience { cancel, viewing: Some(self) };
             let rendered = draw(args, plan, ready, frame, audience, before.take())?;
+            if let Some(noise) = self.noise.take() {
+                ready.ask_for_noise(noise);
+            }
             let wish = match self.wish.take() {
                 None | Some(Wish::Stop) => match self.keep(args, plan, ready, frame, &rendered, cancel)? {
                     Next::Wish(wish) => wish,
@@ -151,6 +170,9 @@ impl Viewing {
             };
             if let Wish::Noise(percent) = wish {
                 ready.ask_for_noise(percent / 100.0);
+                // Who asks when the time is up wants to wait.
+                ready.settings.time_limit = None;
+                self.live.iter().for_each(|live| live.ask_noise(percent / 100.0));
                 before = Some(rendered);
                 self.view.go_on(self.live.clone());
             } else {
@@ -187,7 +209,7 @@ impl Viewing {
             window: [window.x0, window.y0, window.x1, window.y1],
             sampling: sampling_name(sampling).to_owned(),
             has_tree: sampling.has_tree(),
-            can_change_noise: matches!(sampling, Sampling::Quietus | Sampling::Uniform),
+            can_change_noise: goes_by_noise(sampling),
             can_restart: frame.is_none(),
             outputs: plan
                 .outputs
@@ -237,6 +259,7 @@ impl Viewing {
             match self.view.next_wish(STILL_INTERVAL) {
                 // Once more, perhaps to a disk that has room by now.
                 Some(Wish::Stop) => return self.keep(args, plan, ready, frame, rendered, cancel),
+                Some(Wish::Noise(_)) if !goes_by_noise(ready.settings.sampling) => (),
                 Some(wish) => return Ok(Next::Wish(wish)),
                 None => (),
             }
@@ -264,12 +287,9 @@ impl Viewing {
                 }
                 Wish::Home => ready.look_through(args, ready.scene_camera.clone()),
                 Wish::Crop(window) => ready.crop(window.unwrap_or(whole)),
-                Wish::Noise(percent) => {
-                    ready.ask_for_noise(percent / 100.0);
-                    true
-                }
+                Wish::Noise(percent) => ready.ask_for_noise(percent / 100.0),
                 Wish::Stop => {
-                    // As soon as there is something to stop.
+                    // As soon as there is something to be stopped.
                     self.wish = Some(Wish::Stop);
                     return;
                 }
@@ -324,6 +344,11 @@ impl Viewing {
             self.view.show_coarse(place, [small.width(), small.height()], &picture.beauty);
         }
     }
+}
+
+/// Whether it can be steered for noise.
+pub(crate) fn goes_by_noise(sampling: Sampling) -> bool {
+    matches!(sampling, Sampling::Quietus | Sampling::Uniform)
 }
 
 /// What comes after a picture.

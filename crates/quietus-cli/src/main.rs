@@ -2,6 +2,7 @@
 
 mod after;
 mod args;
+mod closing;
 mod config;
 mod error;
 mod eval;

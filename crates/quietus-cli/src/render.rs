@@ -4,23 +4,23 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use quietus_film::{Layout, Metadata, RejectedSamples, Window};
+use quietus_film::{Layout, Metadata, Window};
 use quietus_render::{
-    Bound, Control, Fault, Goal, PathTracer, RenderError, RenderSettings, Rendered, Sampling, StoppedBy,
-    Watched, go_on, noise::measure_noise, render_keeping,
+    Control, Fault, Goal, PathTracer, RenderError, RenderSettings, Rendered, StoppedBy, Watched, go_on,
+    noise::measure_noise, render_keeping,
 };
 use quietus_trace::desc::{Camera, SceneDesc};
 use quietus_trace::scene::Scene;
 use quietus_trace::view::{View, ViewError};
-use serde::Serialize;
 
 use crate::args::RenderArgs;
+use crate::closing::{ending, summary, warn_of_rejected};
 use crate::error::{Ending, Failure};
 use crate::interrupt;
 use crate::outputs::Outputs;
 use crate::plan::{Decided, Look, Plan};
 use crate::progress::{Measure, ProgressArg};
-use crate::report::{Settings, name, stopped_by};
+use crate::report::{Settings, name};
 use crate::say;
 use crate::source::{Source, scene_name};
 use crate::viewing::{Viewing, goes_by_noise};
@@ -365,18 +365,6 @@ fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', r"'\''"))
 }
 
-fn warn_of_rejected(rejected: &RejectedSamples, seed: u64) {
-    if rejected.count() == 0 {
-        return;
-    }
-    let mut text = format!("{} samples were not finite and left out; the first ones:", rejected.count());
-    for sample in rejected.first() {
-        let (x, y, replicate, index) = (sample.x, sample.y, sample.replicate, sample.index);
-        text.push_str(&format!("\n  pixel ({x}, {y}), replicate {replicate}, sample {index}, seed {seed}"));
-    }
-    say::warning(text);
-}
-
 /// The files that are asked for.
 fn outputs<'a>(args: &RenderArgs, plan: &Plan, ready: &'a Ready, frame: Option<u32>) -> Outputs<'a> {
     let named = |path: &PathBuf| plan.name(path, frame);
@@ -386,91 +374,6 @@ fn outputs<'a>(args: &RenderArgs, plan: &Plan, ready: &'a Ready, frame: Option<u
         stats: args.stats.as_ref().map(named),
         settings: &ready.report,
         load_seconds: ready.load_seconds,
-    }
-}
-
-/// What the `end` event says; `docs/terminal.md` explains the keys.
-fn ending(frame: Option<u32>, rendered: &Rendered, wrote: &[PathBuf]) -> End {
-    let statistics = &rendered.statistics;
-    End {
-        stopped_by: stopped_by(rendered.stopped_by),
-        frame,
-        wrote: wrote.to_vec(),
-        wall_seconds: statistics.wall_seconds,
-        samples: statistics.samples,
-        rays: statistics.rays,
-        spp_mean: statistics.per_pixel.spp_mean,
-        spp_max: statistics.per_pixel.spp_max,
-        converged_fraction: statistics.converged_fraction,
-        noise_reached: statistics.noise_reached,
-        noise_low: statistics.noise_low,
-        noise_high: statistics.noise_high,
-    }
-}
-
-#[derive(Serialize)]
-struct End {
-    stopped_by: &'static str,
-    frame: Option<u32>,
-    wrote: Vec<PathBuf>,
-    wall_seconds: f64,
-    samples: u64,
-    rays: u64,
-    spp_mean: f64,
-    spp_max: u32,
-    converged_fraction: f64,
-    noise_reached: Option<f64>,
-    noise_low: Option<f64>,
-    noise_high: Option<f64>,
-}
-
-/// The last words: how far it came, and where the pictures are.
-fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered, wrote: &[PathBuf]) -> String {
-    let statistics = &rendered.statistics;
-    let ending = match rendered.stopped_by {
-        StoppedBy::Done => "done",
-        StoppedBy::TimeLimit => "time is up",
-        StoppedBy::Cancelled => "interrupted",
-    };
-    let converged = match plan.sampling {
-        Sampling::Uniform => String::new(),
-        _ => format!("{:.1} % converged, ", 100.0 * statistics.converged_fraction),
-    };
-    let frame_name = frame.map_or_else(String::new, |frame| format!("frame {frame} "));
-    let mut text = format!(
-        "{frame_name}{ending}: {converged}{:.1} samples per pixel (at most {}), {:.1} s, {:.2} M samples/s",
-        statistics.per_pixel.spp_mean,
-        statistics.per_pixel.spp_max,
-        statistics.wall_seconds,
-        statistics.samples as f64 / statistics.wall_seconds.max(1e-9) / 1e6,
-    );
-    if let (Some(reached), Some(low), Some(high)) =
-        (statistics.noise_reached, statistics.noise_low, statistics.noise_high)
-    {
-        let interval = format!("(95 % interval {low:.2}-{high:.2})");
-        text.push_str(&match statistics.noise_asked {
-            Some(asked) => {
-                format!(
-                    "\nnoise: asked {asked} %, reached {reached:.2} % of white {interval}{}",
-                    bound(rendered)
-                )
-            }
-            None => format!("\nnoise {reached:.2} % of white {interval}"),
-        });
-    }
-    for path in wrote {
-        let shown = std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
-        text.push_str(&format!("\nwrote {}", shown.display()));
-    }
-    text
-}
-
-/// What kept the noise from being what was asked for.
-fn bound(rendered: &Rendered) -> &'static str {
-    match rendered.bound {
-        None => "",
-        Some(Bound::MinSamples) => "; --min-samples already makes it cleaner",
-        Some(Bound::MaxSamples) => "; --max-samples keeps it from less",
     }
 }
 

@@ -34,8 +34,12 @@ const LARGEST_STEP: f64 = 4.0;
 /// Where the goal is further away than that, in samples, one goes half of the way first.
 const LAST_STEP: f64 = 2.2;
 
-/// The noise to aim at, over that asked for: a little less, so that the goal is not missed by a hair half of the time.
-const AIM: f64 = 0.985;
+/// The squared error falls as samples to the power of minus this, before a scene has shown how it does: independent samples
+/// have 1, low-discrepancy points more.
+const FIRST_FALL: f64 = 1.1;
+
+/// Falls that are believed.
+const FALLS: std::ops::RangeInclusive<f64> = 0.6..=1.6;
 
 /// Rounds after which the noise is what it is: no scene needs half as many.
 const MOST_ROUNDS: u32 = 24;
@@ -101,7 +105,7 @@ impl Steering {
             rounds: 0,
             measured: None,
             calibration: Calibration::default(),
-            fall: 1.0,
+            fall: FIRST_FALL,
             before: None,
             bound: None,
             expected: None,
@@ -184,7 +188,7 @@ impl Steering {
         let counts = self.settings.library(REPLICATES as u32, FIRST_TARGET).pass_counts();
         let now = Forecast::new(&picture.finished(), sampling, counts);
         if let Some(fall) = self.learnt.before.as_ref().and_then(|before| before.fall_to(&now)) {
-            self.learnt.fall = 0.5 * (self.learnt.fall + fall.clamp(0.6, 1.6));
+            self.learnt.fall = 0.5 * (self.learnt.fall + fall.clamp(*FALLS.start(), *FALLS.end()));
         }
         let now = now.with_fall(self.learnt.fall);
         self.learnt.before = Some(now.past());
@@ -232,7 +236,7 @@ impl Steering {
             return Err(self.finish(measured));
         }
         let square = self.learnt.calibration.square(forecast.square);
-        let goal = (AIM * asked).powi(2) / square;
+        let goal = asked.powi(2) / square;
         let best = forecast.limit();
         let reach = forecast.least(|ahead| ahead.square <= goal);
         // Where it is out of reach: almost as far as one gets, as the rest would go to pixels that hardly matter.
@@ -341,5 +345,30 @@ impl Calibration {
     /// The true mean square where halves differ by `square`.
     fn square(&self, square: f64) -> f64 {
         square * self.ratio.exp()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(reached: f64, width: f64) -> Noise {
+        Noise { reached, low: reached / width, high: reached * width }
+    }
+
+    #[test]
+    fn measurements_are_believed_as_far_as_they_are_precise() {
+        let mut calibration = Calibration::default();
+        // Halves say 1 %, a precise measurement says 2 %: four times the square.
+        calibration.take(noise(0.02, 1.02), 1e-4);
+        assert!((calibration.square(1e-4) / 4e-4 - 1.0).abs() < 0.05);
+        // A rough one that contradicts it moves it a little.
+        let before = calibration.square(1e-4);
+        calibration.take(noise(0.01, 2.0), 1e-4);
+        let after = calibration.square(1e-4);
+        assert!(after < before && after > 0.7 * before, "{before} {after}");
+        // One of nothing says nothing.
+        calibration.take(noise(0.0, 1.0), 1e-4);
+        assert_eq!(calibration.square(1e-4), after);
     }
 }

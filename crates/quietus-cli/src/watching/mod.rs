@@ -16,6 +16,7 @@ use self::saver::Saver;
 use self::tev::Tev;
 use crate::args::parse_time;
 use crate::progress::{Measure, ProgressArg, Reporter};
+use crate::say;
 
 /// Flags on watching.
 #[derive(Args, Clone, Debug)]
@@ -47,6 +48,7 @@ const TEV_FIRST: Duration = Duration::from_millis(200);
 pub(crate) struct Onlookers {
     reporter: Reporter,
     couriers: Vec<Courier>,
+    has_warned: bool,
 }
 
 /// The render that is watched.
@@ -72,12 +74,22 @@ impl Onlookers {
         });
         let tev = args.tev.clone();
         let tev = tev.and_then(|address| Courier::start(Tev::new(address, name), TEV_FIRST, TEV_INTERVAL));
-        Self { reporter, couriers: [saver, tev].into_iter().flatten().collect() }
+        Self { reporter, couriers: [saver, tev].into_iter().flatten().collect(), has_warned: false }
     }
 
     /// Lets them look.
     pub(crate) fn look(&mut self, watched: &Watched<'_>) {
         self.reporter.update(watched);
+        if let Some(noise) = watched.progress.noise
+            && let Some(expected) = noise.expected
+            && !std::mem::replace(&mut self.has_warned, true)
+        {
+            say::aside(format_args!(
+                "--max-samples keeps the noise from {} %: about {:.2} % will be reached",
+                100.0 * noise.asked,
+                100.0 * expected
+            ));
+        }
         self.couriers.iter_mut().for_each(|courier| courier.offer(watched));
     }
 

@@ -185,7 +185,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         let counters: Vec<_> = (0..settings.threads.get()).map(|_| Counters::default()).collect();
         counters[0].add(past.samples, TileCounts { rays: past.rays, ..TileCounts::default() });
         let pixels = settings.window.pixels() as u64;
-        let most = pixels as f64 * f64::from(settings.max_samples);
+        let most = (settings.max_samples < u32::MAX).then(|| pixels as f64 * f64::from(settings.max_samples));
         let now = Instant::now();
         // The clock takes all pauses off, also those of the past.
         let behind = past.wall + control.live.map_or(Duration::ZERO, Live::paused_for);
@@ -196,7 +196,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
             counters,
             start: now.checked_sub(behind).unwrap_or(now),
             cpu_start: process::cpu_time().map(|now| now.saturating_sub(past.cpu)),
-            estimator: Estimator::new(pixels, Some(most), settings.time_limit),
+            estimator: Estimator::new(pixels, most, settings.time_limit),
             outlook: Outlook::new(settings),
             steering: Steering::new(settings),
             past: past.rounds,

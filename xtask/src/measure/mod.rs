@@ -3,6 +3,7 @@
 mod artefacts;
 mod bits;
 mod figure1;
+mod noise;
 mod protocol;
 mod results;
 mod view;
@@ -26,6 +27,15 @@ pub(crate) enum Measure {
     Figure1,
     /// What the live view costs a render: docs/view.md
     View,
+    /// Whether renders get the noise and the time they are asked for: docs/noise.md
+    Noise {
+        /// Only scenes whose path contains this
+        #[arg(long)]
+        only: Option<String>,
+        /// Renders for each noise
+        #[arg(long, default_value_t = 20)]
+        runs: u32,
+    },
     /// What every policy gains and loses on every scene, by replay: docs/results.md
     Results {
         /// Only scenes whose path contains this
@@ -43,6 +53,7 @@ pub(crate) fn measure(what: &Measure) -> Result<()> {
         Measure::Scaling => protocol::scaling(&quietus),
         Measure::Figure1 => figure1::figure1(&quietus),
         Measure::View => view::view(&quietus),
+        Measure::Noise { only, runs } => noise::noise(&quietus, only.as_deref(), *runs),
         Measure::Results { only } => results::results(&quietus, only.as_deref()),
     }
 }

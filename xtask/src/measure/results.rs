@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::run::{Quietus, run, shared_scenes};
 
 /// Scene, size of the picture, longest path.
-const SCENES: [(&str, &str, &str); 9] = [
+pub(super) const SCENES: [(&str, &str, &str); 9] = [
     ("embedded", "96x64", "16"),
     ("cornell-box/gltf/CornellBox.glb", "80x64", "8"),
     ("cornell-box/cornell-box-specular.pbrt", "64x64", "8"),

@@ -164,6 +164,11 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "NAME|N", help_heading = "Animation")]
     pub animation: Option<String>,
 
+    /// The same random numbers in every frame: noise stands still while the picture moves. Without this each frame has its
+    /// own, and noise averages out in the eye (see docs/animation.md).
+    #[arg(long, help_heading = "Animation")]
+    pub fixed_seed: bool,
+
     /// How samples are spread over the picture. Default: quietus, or uniform when --spp is given.
     #[arg(long, value_enum)]
     pub sampling: Option<SamplingArg>,

@@ -37,6 +37,8 @@ pub(crate) struct Ready {
     look: Look,
     report: Settings,
     load_seconds: f64,
+    /// Of its random numbers.
+    seed: u64,
     /// Whether another view was asked for meanwhile than the scene and the command line say.
     is_changed: bool,
 }
@@ -62,7 +64,7 @@ impl Ready {
         camera: &Camera,
         frame: [u32; 2],
     ) -> Result<View, ViewError> {
-        view(args, camera, frame, &self.look)
+        view(args, camera, frame, &self.look, self.seed)
     }
 
     /// Takes another camera, and says whether it makes sense.
@@ -196,7 +198,9 @@ fn prepare(
     let seconds = start.elapsed().as_secs_f64();
     tracing::info!("read {} in {seconds:.2} s", scene_name(args));
     let build = tracing::info_span!("build").entered();
-    let view = view(args, camera, settings.frame, &look).map_err(|error| unusable(error.to_string()))?;
+    let seed = moment.map_or(args.seed, |(timeline, frame)| timeline.seed_of(args.seed, frame));
+    let view =
+        view(args, camera, settings.frame, &look, seed).map_err(|error| unusable(error.to_string()))?;
     let scene = Scene::build(&desc).map_err(|error| unusable(error.to_string()))?;
     drop(build);
     let load_seconds = start.elapsed().as_secs_f64();
@@ -204,11 +208,17 @@ fn prepare(
     let camera = camera.clone();
     let scene_camera = camera.clone();
     let is_changed = false;
-    Ok(Ready { scene, camera, scene_camera, view, settings, look, report, load_seconds, is_changed })
+    Ok(Ready { scene, camera, scene_camera, view, settings, look, report, load_seconds, seed, is_changed })
 }
 
-fn view(args: &RenderArgs, camera: &Camera, frame: [u32; 2], look: &Look) -> Result<View, ViewError> {
-    View::new(camera, frame, look.filter, look.max_depth, args.seed)?
+fn view(
+    args: &RenderArgs,
+    camera: &Camera,
+    frame: [u32; 2],
+    look: &Look,
+    seed: u64,
+) -> Result<View, ViewError> {
+    View::new(camera, frame, look.filter, look.max_depth, seed)?
         .with_exposure(look.exposure, look.max_component)?
         .with_indirect_limit(args.clamp_indirect.unwrap_or(f32::INFINITY))
 }
@@ -313,6 +323,9 @@ fn fault_message(
 ) -> String {
     let Fault { x, y, replicate, index, message } = fault;
     let mut command = vec!["quietus render".to_owned()];
+    if args.fixed_seed {
+        command.push("--fixed-seed".to_owned());
+    }
     let mut flag = |name: &str, value: String| command.push(format!("{name}{}", quoted(&value)));
     if let Some(scene) = &args.scene {
         flag("", scene.display().to_string());

@@ -28,6 +28,7 @@ pub(crate) struct Settings {
     frame: Option<u32>,
     fps: Option<f64>,
     shutter: Option<f64>,
+    frame_seed: Option<u64>,
     width: u32,
     height: u32,
     crop: [u32; 4],
@@ -69,6 +70,7 @@ impl Settings {
             frame: None,
             fps: None,
             shutter: None,
+            frame_seed: None,
             width: settings.frame[0],
             height: settings.frame[1],
             crop: [window.x0, window.y0, window.x1, window.y1],
@@ -105,7 +107,9 @@ impl Settings {
     pub(crate) fn with_moment(self, moment: Option<(&Timeline, u32, &str)>) -> Self {
         let Some((timeline, frame, animation)) = moment else { return self };
         let (fps, shutter) = (Some(timeline.fps), Some(timeline.shutter));
-        Self { animation: Some(animation.to_owned()), frame: Some(frame), fps, shutter, ..self }
+        let animation = Some(animation.to_owned());
+        let frame_seed = Some(timeline.seed_of(self.seed, frame));
+        Self { animation, frame: Some(frame), fps, shutter, frame_seed, ..self }
     }
 
     /// The same after somebody who watched it asked for another part, another noise or, with `camera_to_world`, another

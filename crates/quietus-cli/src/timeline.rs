@@ -23,6 +23,8 @@ pub(crate) struct Timeline {
     pub shutter: f64,
     /// Whether pictures are numbered even where their names do not say how.
     numbered: bool,
+    /// Whether all frames have the same seed.
+    fixed_seed: bool,
 }
 
 impl Timeline {
@@ -37,6 +39,7 @@ impl Timeline {
                 ("--fps", args.fps.is_some()),
                 ("--shutter", args.shutter.is_some()),
                 ("--animation", args.animation.is_some()),
+                ("--fixed-seed", args.fixed_seed),
             ];
             return match flags.iter().find(|(_, given)| *given) {
                 None => Ok(None),
@@ -44,7 +47,8 @@ impl Timeline {
             };
         };
         let (fps, shutter) = (args.fps.unwrap_or(FPS), args.shutter.unwrap_or(SHUTTER));
-        Ok(Some(Self { frames, fps, shutter, numbered: args.frames.is_some() }))
+        let (numbered, fixed_seed) = (args.frames.is_some(), args.fixed_seed);
+        Ok(Some(Self { frames, fps, shutter, numbered, fixed_seed }))
     }
 
     /// The frames in turn.
@@ -56,6 +60,20 @@ impl Timeline {
     pub(crate) fn shutter(&self, frame: u32) -> [f32; 2] {
         let frame = f64::from(frame);
         [frame, frame + self.shutter].map(|frame| (frame / self.fps) as f32)
+    }
+
+    /// The seed of `frame` where `seed` is asked for.
+    pub(crate) fn seed_of(&self, seed: u64, frame: u32) -> u64 {
+        if self.fixed_seed { seed } else { Self::seed(seed, frame) }
+    }
+
+    /// The seed of `frame`: its own, whichever other frames are drawn. That of one frame tells nothing of that of the next
+    /// (the generator SplitMix64 of Steele, Lea and Flood 2014, at place `frame`).
+    fn seed(seed: u64, frame: u32) -> u64 {
+        let mixed = seed.wrapping_add((u64::from(frame) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let mixed = (mixed ^ mixed >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        mixed ^ mixed >> 31
     }
 
     /// Where the picture of `frame` goes: the last run of `#` in the file's name becomes the frame's number, of at
@@ -144,8 +162,18 @@ mod tests {
     }
 
     #[test]
+    fn every_frame_has_a_seed_of_its_own() {
+        let seeds: std::collections::HashSet<u64> =
+            (0..2).flat_map(|seed| (0..500).map(move |frame| Timeline::seed(seed, frame))).collect();
+        assert_eq!(seeds.len(), 1000);
+        // The first numbers of the published generator with the seed 0.
+        assert_eq!(Timeline::seed(0, 0), 0xe220_a839_7b1d_cdaf);
+        assert_eq!(Timeline::seed(0, 1), 0x6e78_9e6a_a1b9_65f4);
+    }
+
+    #[test]
     fn flags_that_mean_nothing_are_refused() {
-        for flags in ["--fps 12", "--shutter 0.2", "--animation Walk"] {
+        for flags in ["--fps 12", "--shutter 0.2", "--animation Walk", "--fixed-seed"] {
             assert!(timeline(flags).unwrap_err().contains("needs --frame"), "{flags}");
         }
         let bad = [

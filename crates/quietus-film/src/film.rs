@@ -195,7 +195,8 @@ impl Film {
         let film = Self::new(layout);
         let pixels = film.tiles.len() * TILE_PIXELS;
         let per_tile = TILE_PIXELS * film.layout.replicates();
-        if state.aovs.len() != pixels || state.replicates.len() != film.tiles.len() * per_tile {
+        let fits = state.aovs.len() == pixels && state.replicates.len() == film.tiles.len() * per_tile;
+        if !fits || !state.rejected.is_possible() {
             return None;
         }
         let (aovs, _) = state.aovs.as_chunks();

@@ -39,6 +39,11 @@ impl RejectedSamples {
         self.first.iter()
     }
 
+    /// Whether there can be so many, with room for more.
+    pub(crate) fn is_possible(&self) -> bool {
+        self.count < 1 << 60 && self.first.len() <= REMEMBERED
+    }
+
     pub(crate) fn push(&mut self, sample: RejectedSample) {
         self.count += 1;
         self.remember(sample);

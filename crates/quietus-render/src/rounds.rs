@@ -70,8 +70,11 @@ pub fn render_keeping<T: Tracer>(
     let keeper = keeping.keeper.as_mut();
     if let Some(RenderState { aim, learnt, max_samples, past, sampling, film }) = keeping.from.take() {
         let film = Film::restored(layout, &film).ok_or(quietus::Misfit("a film of another size"))?;
+        past.check()?;
         let mut rounds = Rounds::new(tracer, settings, film, past, control);
-        rounds.steering.restore(learnt);
+        if !rounds.steering.restore(learnt) {
+            return Err(quietus::Misfit("more rounds than a render has").into());
+        }
         let sampling = AdaptiveSampling::restored(rounds.library_up_to(&aim, max_samples), &sampling)?;
         let (aim, sampling) = rounds.towards_the_goal(aim, max_samples, sampling)?;
         rounds.outlook.begin(aim.factor_left);
@@ -121,6 +124,17 @@ pub(crate) struct Past {
     samples: u64,
     rays: u64,
     rounds: PastRounds,
+}
+
+impl Past {
+    /// Whether a render can have that behind it, with room for more.
+    fn check(&self) -> Result<(), quietus::Misfit> {
+        let is_possible = [self.samples, self.rays].iter().all(|&count| count < 1 << 60)
+            && [self.wall, self.cpu].iter().all(|time| time.as_secs() < 1 << 40)
+            && self.rounds.measurements < u32::MAX / 2
+            && self.rounds.totals.is_possible();
+        is_possible.then_some(()).ok_or(quietus::Misfit("it has counted too much"))
+    }
 }
 
 /// The rounds that are over.

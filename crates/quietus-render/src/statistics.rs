@@ -145,6 +145,22 @@ pub(crate) struct Totals {
 }
 
 impl Totals {
+    /// Whether a render can have counted so much, with room for more.
+    pub(crate) fn is_possible(&self) -> bool {
+        let all = &self.sampling;
+        let counts = [
+            all.visits,
+            all.skips,
+            all.passes,
+            all.lock_wait_nanoseconds,
+            all.idle_nanoseconds,
+            all.reopened_pixels,
+            all.reopened_regions,
+            self.noise_samples,
+        ];
+        counts.iter().all(|&count| count < 1 << 60) && self.rounds < u32::MAX / 2
+    }
+
     /// Adds a round that is over.
     pub(crate) fn add(&mut self, sampling: &AdaptiveSampling) {
         let round = sampling.statistics();

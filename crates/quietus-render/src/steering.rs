@@ -118,9 +118,10 @@ impl Steering {
         &self.learnt
     }
 
-    /// Goes on from what another one has learnt.
-    pub(crate) fn restore(&mut self, learnt: Learnt) {
+    /// Goes on from what another one has learnt. False where nobody can have learnt that.
+    pub(crate) fn restore(&mut self, learnt: Learnt) -> bool {
         self.learnt = learnt;
+        self.learnt.rounds < u32::MAX / 2
     }
 
     /// Another noise is asked for, whatever the goal was.

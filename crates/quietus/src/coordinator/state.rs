@@ -63,6 +63,9 @@ pub struct RegionState {
 /// More passes than any sampling makes: each adds a sample to some pixel.
 const MOST_PASSES: u64 = 1 << 40;
 
+/// More than any sampling counts of anything, and little enough that sums do not overflow.
+const MOST_COUNTED: u64 = 1 << 56;
+
 /// Why a sampling cannot go on from a state.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StateError {
@@ -190,6 +193,10 @@ impl AdaptiveSampling {
             self.restore_region(region, state)?;
         }
         Misfit::unless(state.first_pass < MOST_PASSES, "it has too many passes")?;
+        let mut counted = state.visits.iter().chain(
+            state.regions.iter().flat_map(|region| [&region.reopened_pixels, &region.reopened_regions]),
+        );
+        Misfit::unless(counted.all(|&count| count < MOST_COUNTED), "it has counted too much")?;
         (self.first_pass, self.lacks_minimum) = (state.first_pass, state.lacks_minimum);
         self.counters.set(state.visits);
         if let FinishRule::QuietPasses(ledger) = &mut self.finish {

@@ -1,5 +1,6 @@
 //! The server from outside: who may come in, what they get, and what bad ones achieve, which is nothing.
 
+use std::collections::HashMap;
 use std::io::{Read, Write};
 use std::net::{IpAddr, Ipv4Addr, TcpStream};
 use std::num::NonZeroUsize;
@@ -169,6 +170,10 @@ impl Drop for Stop<'_> {
 }
 
 fn with_render(test: impl FnOnce(&Seen<'_>)) {
+    with_tracer(&Slow, test);
+}
+
+fn with_tracer(tracer: &impl Tracer, test: impl FnOnce(&Seen<'_>)) {
     let mut view = View::start(options(0)).unwrap();
     let layout = Layout::new(SIZE, settings().window, 2).unwrap();
     let live = Arc::new(Live::new(&layout));
@@ -193,7 +198,7 @@ fn with_render(test: impl FnOnce(&Seen<'_>)) {
                 view.lock().unwrap().show(watched, &live);
             };
             let control = &mut Control { cancel: &cancel, watch: &mut watch, live: Some(&live) };
-            render(&Slow, &settings(), control).unwrap();
+            render(tracer, &settings(), control).unwrap();
         });
         test(&Seen { host, view: &view, samples: &samples });
     });
@@ -351,4 +356,41 @@ fn wishes_reach_the_render() {
         send(&mut page, r#"{"do":"resume"}"#);
         seen.goes_on();
     });
+}
+
+/// As [`Slow`], and remembers when each tile was drawn first.
+#[derive(Default)]
+struct Timed(Mutex<HashMap<u32, Instant>>);
+
+impl Tracer for Timed {
+    fn render_tile(&self, work: &[PixelWork], sink: &mut impl SampleSink) -> TileCounts {
+        let counts = Slow.render_tile(work, sink);
+        let tile = work[0].y / 8 * SIZE[0].div_ceil(8) + work[0].x / 8;
+        self.0.lock().unwrap().entry(tile).or_insert_with(Instant::now);
+        counts
+    }
+}
+
+/// `cargo test --release -p quietus-view --test server -- --ignored --nocapture` prints it.
+#[test]
+#[ignore = "a measurement: time from a tile's samples to the browser's end of the websocket"]
+fn latency_of_tiles() {
+    let mut latencies = Vec::new();
+    for _ in 0..20 {
+        let tracer = Timed::default();
+        with_tracer(&tracer, |seen| {
+            let mut page = socket(&seen.host, TOKEN, &[]).unwrap();
+            let mut arrived = HashMap::new();
+            while arrived.len() < TILES {
+                let (_, indices) = read(&mut page, tiles);
+                indices.iter().for_each(|&tile| _ = arrived.entry(tile).or_insert_with(Instant::now));
+                send(&mut page, r#"{"do":"ack"}"#);
+            }
+            let drawn = tracer.0.lock().unwrap();
+            latencies.extend(arrived.iter().map(|(tile, at)| at.duration_since(drawn[tile]).as_secs_f64()));
+        });
+    }
+    latencies.sort_by(f64::total_cmp);
+    let quantile = |share: f64| 1e3 * latencies[((latencies.len() - 1) as f64 * share) as usize];
+    println!("median {:.0} ms, 95 % {:.0} ms, most {:.0} ms", quantile(0.5), quantile(0.95), quantile(1.0));
 }

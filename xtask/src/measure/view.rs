@@ -3,6 +3,7 @@
 use std::{
     io::{BufRead, BufReader},
     net::TcpStream,
+    path::Path,
     process::{Child, Command, Stdio},
     time::Duration,
 };
@@ -14,12 +15,13 @@ use tungstenite::{Message, WebSocket, client::IntoClientRequest};
 use crate::run::{Quietus, median, number};
 
 /// Runs of each kind, in turns, so that what else the machine does falls on both.
-const RUNS: usize = 5;
+const RUNS: usize = 3;
 
 /// Clients whose memory is measured together.
 const CLIENTS: usize = 8;
 
-const RENDER: [&str; 5] = ["render", "--size", "1920x1080", "--spp", "16"];
+/// Few samples: tiles change most often, for what they cost to draw, in the first passes.
+const RENDER: [&str; 5] = ["render", "--size", "1920x1080", "--spp", "4"];
 
 pub(crate) fn view(quietus: &Quietus) -> Result<()> {
     cost(quietus)?;
@@ -28,8 +30,10 @@ pub(crate) fn view(quietus: &Quietus) -> Result<()> {
 
 /// CPU and wall time per sample, alone and with one client that takes everything at once.
 fn cost(quietus: &Quietus) -> Result<()> {
-    println!("| run | CPU, alone | CPU, with a client | ratio | wall, alone | wall, with a client | ratio |");
-    println!("|---|---|---|---|---|---|---|");
+    println!(
+        "| run | CPU, alone | CPU, with a client | ratio | wall, alone | wall, with a client | ratio | share of the view's threads |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
     let (mut cpu, mut wall) = (Vec::new(), Vec::new());
     for run in 1..=RUNS {
         let alone = time(quietus, false)?;
@@ -37,37 +41,65 @@ fn cost(quietus: &Quietus) -> Result<()> {
         let ratios = [0, 1].map(|i| watched[i] / alone[i]);
         let nanoseconds = |time: f64| format!("{:.0} ns", 1e9 * time);
         println!(
-            "| {run} | {} | {} | {:.4} | {} | {} | {:.4} |",
+            "| {run} | {} | {} | {:.4} | {} | {} | {:.4} | {:.2} % |",
             nanoseconds(alone[0]),
             nanoseconds(watched[0]),
             ratios[0],
             nanoseconds(alone[1]),
             nanoseconds(watched[1]),
-            ratios[1]
+            ratios[1],
+            100.0 * watched[2]
         );
         cpu.push(ratios[0]);
         wall.push(ratios[1]);
     }
-    println!("| median | | | {:.4} | | | {:.4} |", median(cpu), median(wall));
+    println!("| median | | | {:.4} | | | {:.4} | |", median(cpu), median(wall));
     Ok(())
 }
 
-/// CPU and wall time per sample in seconds.
-fn time(quietus: &Quietus, with_client: bool) -> Result<[f64; 2]> {
+/// CPU and wall time per sample in seconds, and the share of all CPU time that threads took which do not render.
+fn time(quietus: &Quietus, with_client: bool) -> Result<[f64; 3]> {
     let stats = quietus.scratch.path().join("view.json");
     let mut command = Command::new(quietus.program());
     command.args(RENDER).arg("-o").arg(quietus.picture()).arg("--stats").arg(&stats);
+    let mut share = 0.0;
     if with_client {
         let (mut render, address) = start(command.arg("--view"))?;
         let mut socket = connect(&address)?;
-        while take(&mut socket).is_ok() {}
+        while let Ok(is_status) = take(&mut socket) {
+            if is_status {
+                share = other_share(&render).unwrap_or(share);
+            }
+        }
         render.wait()?;
     } else {
         command.stdout(Stdio::null()).stderr(Stdio::null()).status()?;
     }
     let stats: Value = serde_json::from_str(&std::fs::read_to_string(&stats)?)?;
     let samples = number(&stats, "samples")?;
-    Ok([number(&stats, "cpu_seconds")? / samples, number(&stats, "wall_seconds")? / samples])
+    Ok([number(&stats, "cpu_seconds")? / samples, number(&stats, "wall_seconds")? / samples, share])
+}
+
+/// Share of the CPU time so far that threads took which are not called `render-N`: the server's and the watcher's. The
+/// process's own time has that of threads, too, that have ended.
+fn other_share(render: &Child) -> Result<f64> {
+    let folder = Path::new("/proc").join(render.id().to_string());
+    let (_, all) = name_and_ticks(&folder.join("stat"))?;
+    let mut others = 0.0;
+    for task in std::fs::read_dir(folder.join("task"))? {
+        let (name, ticks) = name_and_ticks(&task?.path().join("stat"))?;
+        others += if name.contains("(render-") { 0.0 } else { ticks };
+    }
+    Ok(others / all.max(1.0))
+}
+
+/// The name of a process or thread, and its user and system time.
+fn name_and_ticks(stat: &Path) -> Result<(String, f64)> {
+    let stat = std::fs::read_to_string(stat)?;
+    // The name in parentheses may hold anything; the times are the 12th and 13th words after it.
+    let (name, words) = stat.rsplit_once(')').context("no name of a thread")?;
+    let ticks = words.split_whitespace().skip(11).take(2).filter_map(|word| word.parse::<f64>().ok());
+    Ok((name.to_owned(), ticks.sum()))
 }
 
 /// Resident memory before and after clients have come and seen the whole picture.
@@ -110,14 +142,13 @@ fn connect(address: &str) -> Result<Socket> {
     Ok(socket)
 }
 
-/// Takes one message, and says so where it is a batch of tiles.
-fn take(socket: &mut Socket) -> Result<()> {
-    if let Message::Binary(bytes) = socket.read()?
-        && bytes.first() == Some(&1)
-    {
+/// Takes one message, as a page does, and tells whether it was words.
+fn take(socket: &mut Socket) -> Result<bool> {
+    let message = socket.read()?;
+    if matches!(&message, Message::Binary(bytes) if bytes.first() == Some(&1)) {
         socket.send(Message::text(r#"{"do":"ack"}"#))?;
     }
-    Ok(())
+    Ok(message.is_text())
 }
 
 /// Lets every client take messages until none comes for a while: then the picture is finished and seen.

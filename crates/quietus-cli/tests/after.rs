@@ -7,6 +7,8 @@ use quietus_film::{read_exr, read_exr_planes, srgb8};
 
 fn quietus(dir: &Path, arguments: &str) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_quietus"));
+    // Whoever tests may have settings of their own.
+    command.env("XDG_CONFIG_HOME", env!("CARGO_TARGET_TMPDIR"));
     command.current_dir(dir).args(arguments.split_whitespace()).output().expect("the program starts")
 }
 

@@ -21,6 +21,8 @@ fn quietus(dir: &Path, arguments: &str) -> Output {
 
 fn command(dir: &Path, arguments: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_quietus"));
+    // Whoever tests may have settings of their own.
+    command.env("XDG_CONFIG_HOME", env!("CARGO_TARGET_TMPDIR"));
     command.current_dir(dir).args(arguments.split_whitespace());
     command
 }

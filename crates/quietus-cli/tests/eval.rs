@@ -5,6 +5,7 @@ use std::process::{Command, Output};
 
 fn eval(directory: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_quietus"))
+        .env("XDG_CONFIG_HOME", env!("CARGO_TARGET_TMPDIR"))
         .current_dir(directory)
         .args(["eval", "--cache", "cache", "--size", "16x12"])
         .args(arguments)

@@ -17,6 +17,8 @@ pub(crate) struct Program {
 
 fn command(arguments: &str, dir: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_quietus"));
+    // Whoever tests may have settings of their own.
+    command.env("XDG_CONFIG_HOME", env!("CARGO_TARGET_TMPDIR"));
     command.args(arguments.split_whitespace()).current_dir(dir).env("QUIETUS_VIEW_TOKEN", TOKEN);
     command
 }

@@ -6,6 +6,7 @@ mod closing;
 mod config;
 mod error;
 mod eval;
+mod goal;
 mod interrupt;
 mod keeping;
 mod logging;

@@ -234,7 +234,7 @@ impl Viewing {
         cancel: &AtomicBool,
     ) -> Result<Next, Failure> {
         let is_done = rendered.stopped_by == StoppedBy::Done;
-        self.view.end(if is_done { State::Finished } else { State::Stopped });
+        self.view.end(if is_done { State::Finished } else { State::Stopped }, &rendered.statistics);
         self.show_still(rendered);
         let kept = keep(args, plan, ready, frame, rendered);
         let is_last = frame.is_none() && self.stays && !cancel.load(Ordering::Relaxed);

@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use quietus_film::{Film, Layout, Window};
-use quietus_render::{Live, Watched};
+use quietus_render::{Live, Statistics, Watched};
 
 use crate::board::{Board, Notice, Reference};
 use crate::canvas::Canvas;
 use crate::guard::Token;
-use crate::message::{COARSE, Request, Session, State, header};
+use crate::message::{COARSE, Moment, Request, Session, State, header};
 use crate::orbit::Motion;
 use crate::server::{ServeError, Server};
 use crate::show::Shower;
@@ -111,14 +111,22 @@ impl View {
         self.board.ring();
     }
 
-    /// The render ended.
-    pub fn end(&mut self, state: State) {
+    /// The render ended, with these figures: those that the last look at it missed, its noise above all.
+    pub fn end(&mut self, state: State, statistics: &Statistics) {
         let mut content = self.board.lock();
+        content.push(Moment {
+            seconds: statistics.wall_seconds,
+            spp: statistics.per_pixel.spp_mean,
+            rate: statistics.samples as f64 / statistics.wall_seconds.max(1e-9),
+            converged: statistics.converged_fraction,
+            rebuild_ms: None,
+            noise_asked: statistics.noise_asked,
+            noise: statistics.noise_reached,
+        });
         // It holds nothing any more, and pauses no clock.
         content.live.take().inspect(|live| live.resume());
         content.state = state;
         content.remaining = None;
-        content.status_count += 1;
         drop(content);
         self.board.ring();
     }

@@ -98,6 +98,14 @@ fn is_closed(socket: &mut Socket) -> bool {
     false
 }
 
+/// A number below 16 that looks random: what repeated itself would have no noise left one day, and the render an end.
+fn hash(words: [u32; 4]) -> u32 {
+    let mixed = words.iter().fold(0_u64, |mixed, &word| {
+        (mixed ^ u64::from(word)).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29)
+    });
+    (mixed >> 40) as u32 % 16
+}
+
 /// Draws noise; a millisecond for each tile.
 struct Slow;
 
@@ -106,7 +114,7 @@ impl Tracer for Slow {
         std::thread::sleep(Duration::from_millis(1));
         for run in work {
             for index in run.first..run.first + run.count {
-                let value = ((run.x * 31 + run.y * 17 + index * 7 + u32::from(run.replicate)) % 16) as f32;
+                let value = hash([run.x, run.y, index, run.replicate.into()]) as f32;
                 let sample =
                     Sample { radiance: Vec3::splat(value), alpha: 1.0, depth: 3.0, ..Sample::default() };
                 sink.add(run, index, &sample);
@@ -123,7 +131,8 @@ fn settings() -> RenderSettings {
         sampling: Sampling::Quietus,
         goal: Goal::TargetError(1e-9),
         min_samples: 4,
-        max_samples: 1 << 20,
+        // Without end for any machine.
+        max_samples: u32::MAX,
         time_limit: None,
         threads: NonZeroUsize::new(2).unwrap(),
         machinery: Machinery::default(),

@@ -14,7 +14,7 @@ pub(crate) fn cpu_time() -> Option<Duration> {
 }
 
 /// Whether there is a process of this number; true where the system does not tell.
-pub(crate) fn is_running(process: u32) -> bool {
+pub fn is_running(process: u32) -> bool {
     #[cfg(unix)]
     {
         let pid = i32::try_from(process).ok().and_then(rustix::process::Pid::from_raw);

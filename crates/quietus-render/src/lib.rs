@@ -5,6 +5,7 @@
 //! light.
 
 pub mod checkpoint;
+mod clock;
 mod crew;
 mod fault;
 mod forecast;

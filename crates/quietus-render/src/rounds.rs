@@ -15,7 +15,7 @@ use quietus_trace::tile::TileCounts;
 use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{Keeper, RenderState};
-use crate::crew;
+use crate::clock::Clock;
 use crate::live::Live;
 use crate::noise::{Copied, Effort, Measuring, Noise};
 use crate::outlook::Outlook;
@@ -587,44 +587,4 @@ impl Kept<'_> {
 enum Decision {
     Stop(StoppedBy),
     GoOn(Aim),
-}
-
-/// The time there is.
-#[derive(Clone, Copy)]
-struct Clock<'a> {
-    start: Instant,
-    limit: Option<Duration>,
-    live: Option<&'a Live>,
-}
-
-impl Clock<'_> {
-    /// Time since the render began, without pauses.
-    fn elapsed(&self) -> Duration {
-        self.start.elapsed().saturating_sub(self.live.map_or(Duration::ZERO, Live::paused_for))
-    }
-
-    /// Time that is left, where there is a limit.
-    fn left(&self) -> Option<Duration> {
-        self.limit.map(|limit| limit.saturating_sub(self.elapsed()))
-    }
-
-    fn is_late(&self) -> bool {
-        self.limit.is_some_and(|limit| self.elapsed() >= limit)
-    }
-
-    /// Why to stop now, if so.
-    fn stops(&self, control: &Control<'_>) -> Option<StoppedBy> {
-        // Relaxed: the flag guards no data.
-        if control.cancel.load(Ordering::Relaxed) {
-            return Some(StoppedBy::Cancelled);
-        }
-        self.is_late().then_some(StoppedBy::TimeLimit)
-    }
-
-    /// Time until somebody should look again.
-    fn interval(&self) -> crew::Interval {
-        self.left()
-            .filter(|left| !left.is_zero())
-            .map_or(crew::WATCH_INTERVAL, |left| left.min(crew::WATCH_INTERVAL))
-    }
 }

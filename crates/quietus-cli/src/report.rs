@@ -172,8 +172,13 @@ pub(crate) fn name(value: impl ValueEnum) -> String {
 
 /// What became of a render, beside its settings in EXR files.
 pub(crate) fn result_metadata(rendered: &Rendered) -> Metadata {
-    let Statistics { noise_reached, noise_low, noise_high, .. } = rendered.statistics;
-    let noise = [("noise_reached", noise_reached), ("noise_low", noise_low), ("noise_high", noise_high)];
+    let Statistics { noise_asked, noise_reached, noise_low, noise_high, .. } = rendered.statistics;
+    let noise = [
+        ("noise_asked", noise_asked),
+        ("noise_reached", noise_reached),
+        ("noise_low", noise_low),
+        ("noise_high", noise_high),
+    ];
     let noise = noise.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?.to_string())));
     let ending = ("stopped_by".to_owned(), stopped_by(rendered.stopped_by).to_owned());
     std::iter::once(ending).chain(noise).collect()

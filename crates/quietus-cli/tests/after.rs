@@ -1,35 +1,20 @@
 //! `quietus inspect` and `quietus convert` from outside.
 
+mod common;
+
 use std::path::Path;
-use std::process::{Command, Output};
 
+use common::{quietus, refusal, stdout, succeeded};
 use quietus_film::{read_exr, read_exr_planes, srgb8};
-
-fn quietus(dir: &Path, arguments: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_quietus"));
-    // Whoever tests may have settings of their own.
-    command.env("XDG_CONFIG_HOME", env!("CARGO_TARGET_TMPDIR"));
-    command.current_dir(dir).args(arguments.split_whitespace()).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
 
 /// Runs it, wants success, returns what it printed.
 fn run(dir: &Path, arguments: &str) -> String {
-    let output = quietus(dir, arguments);
-    assert!(output.status.success(), "{arguments}: {}", stderr(&output));
-    String::from_utf8_lossy(&output.stdout).into_owned()
+    stdout(&succeeded(arguments, quietus(dir, arguments)))
 }
 
 /// Runs it, wants that exit code, returns the message.
 fn refused(dir: &Path, arguments: &str, code: i32) -> String {
-    let output = quietus(dir, arguments);
-    let message = stderr(&output);
-    assert_eq!(output.status.code(), Some(code), "{arguments}: {message}");
-    assert!(message.starts_with("error: ") && !message.contains("panicked"), "{arguments}: {message}");
-    message
+    refusal(arguments, &quietus(dir, arguments), code)
 }
 
 /// A directory with a cropped picture in `a.exr`.

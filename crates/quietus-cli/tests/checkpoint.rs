@@ -2,10 +2,13 @@
 
 #![cfg(unix)]
 
+mod common;
+
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
+use common::{command, quietus, stderr, succeeded};
 use quietus_film::{Picture, read_exr};
 use tempfile::TempDir;
 
@@ -15,30 +18,12 @@ const PICTURE: &str = "render --size 48x32 --max-depth 6 --target-error 0.004 --
 /// Another one, in several rounds, with measurements of the noise between them.
 const ROUNDS: &str = "render --size 40x24 --max-depth 6 --noise 4% -o a.exr";
 
-fn quietus(dir: &Path, arguments: &str) -> Output {
-    command(dir, arguments).output().expect("the program starts")
-}
-
-fn command(dir: &Path, arguments: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_quietus"));
-    // Whoever tests may have settings of their own.
-    command.env("XDG_CONFIG_HOME", env!("CARGO_TARGET_TMPDIR"));
-    command.current_dir(dir).args(arguments.split_whitespace());
-    command
-}
-
 fn dir() -> TempDir {
     tempfile::tempdir().expect("a temporary directory")
 }
 
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
 fn succeeds(dir: &Path, arguments: &str) -> Output {
-    let output = quietus(dir, arguments);
-    assert!(output.status.success(), "{arguments}: {}", stderr(&output));
-    output
+    succeeded(arguments, quietus(dir, arguments))
 }
 
 fn picture(dir: &Path) -> Picture {

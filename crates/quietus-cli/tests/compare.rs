@@ -1,20 +1,14 @@
 //! `quietus compare` from outside.
 
-use std::path::Path;
-use std::process::{Command, Output};
+mod common;
 
+use std::path::Path;
+
+use common::{quietus, stderr, stdout, succeeded};
 use serde_json::Value;
 
-fn quietus(dir: &Path, arguments: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_quietus"));
-    // Whoever tests may have settings of their own.
-    command.env("XDG_CONFIG_HOME", env!("CARGO_TARGET_TMPDIR"));
-    command.current_dir(dir).args(arguments.split_whitespace()).output().expect("the program starts")
-}
-
 fn draw(dir: &Path, flags: &str) {
-    let output = quietus(dir, &format!("render --size 32x24 {flags}"));
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    succeeded(flags, quietus(dir, &format!("render --size 32x24 {flags}")));
 }
 
 #[test]
@@ -28,7 +22,7 @@ fn pictures_are_compared_and_exit_codes_tell() {
     assert_eq!(same.status.code(), Some(0));
     let other = quietus(at, "compare a.exr b.exr --max-flip 0.001 --difference flip.png");
     assert_eq!(other.status.code(), Some(1));
-    let said = String::from_utf8_lossy(&other.stdout).into_owned();
+    let said = stdout(&other);
     for word in ["RMSE", "relMSE", "display", "FLIP", "brightness", "worst tile"] {
         assert!(said.contains(word), "{word} is missing: {said}");
     }
@@ -59,7 +53,7 @@ fn what_cannot_be_compared_is_refused() {
         ("compare a.exr broken.exr", "not a readable OpenEXR file"),
     ] {
         let output = quietus(at, arguments);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let said = stderr(&output);
         assert_eq!(output.status.code(), Some(3), "{arguments}: {said}");
         assert!(said.starts_with("error: ") && said.contains(word), "{arguments}: {said}");
     }

@@ -1,38 +1,26 @@
 //! `quietus.toml` and completions from outside.
 
-use std::path::Path;
-use std::process::{Command, Output};
+mod common;
 
+use std::path::Path;
+use std::process::Output;
+
+use common::{command, refusal, stderr, stdout, succeeded};
 use quietus_film::read_exr;
 
 /// Runs the program in `dir`, which also is where the user's settings are.
 fn quietus(dir: &Path, arguments: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_quietus"));
-    command.current_dir(dir).env("XDG_CONFIG_HOME", dir.join("home"));
-    command.args(arguments.split_whitespace()).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn stdout(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned()
+    command(dir, arguments).env("XDG_CONFIG_HOME", dir.join("home")).output().expect("the program starts")
 }
 
 /// Runs it, wants that exit code, returns the message.
 fn refused(dir: &Path, arguments: &str, code: i32) -> String {
-    let output = quietus(dir, arguments);
-    let message = stderr(&output);
-    assert_eq!(output.status.code(), Some(code), "{arguments}: {message}");
-    assert!(message.starts_with("error: ") && !message.contains("panicked"), "{arguments}: {message}");
-    message
+    refusal(arguments, &quietus(dir, arguments), code)
 }
 
 /// What `a.exr` says of a setting after `quietus ARGUMENTS`.
 fn setting(dir: &Path, arguments: &str, name: &str) -> String {
-    let output = quietus(dir, arguments);
-    assert!(output.status.success(), "{arguments}: {}", stderr(&output));
+    succeeded(arguments, quietus(dir, arguments));
     let (_, metadata) = read_exr(&dir.join("a.exr")).unwrap();
     metadata.into_iter().find(|(n, _)| n == name).map_or_else(String::new, |(_, value)| value)
 }

@@ -1,16 +1,14 @@
 //! `quietus eval` from outside.
 
+mod common;
+
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
+
+use common::{command, stderr, stdout};
 
 fn eval(directory: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_quietus"))
-        .env("XDG_CONFIG_HOME", env!("CARGO_TARGET_TMPDIR"))
-        .current_dir(directory)
-        .args(["eval", "--cache", "cache", "--size", "16x12"])
-        .args(arguments)
-        .output()
-        .unwrap()
+    command(directory, "eval --cache cache --size 16x12").args(arguments).output().unwrap()
 }
 
 #[test]
@@ -20,8 +18,7 @@ fn one_command_records_compares_and_reports() {
                      --json a.json --html a.html";
     let arguments: Vec<&str> = arguments.split_whitespace().collect();
     let first = eval(directory.path(), &arguments);
-    let (table, asides) =
-        (String::from_utf8(first.stdout).unwrap(), String::from_utf8(first.stderr).unwrap());
+    let (table, asides) = (stdout(&first), stderr(&first));
     assert!(first.status.success(), "{asides}");
     assert!(table.contains("embedded: 16x12, 4 streams of 32 samples; reference of 64 spp"), "{table}");
     assert!(asides.contains("making the bank"), "{asides}");
@@ -33,8 +30,8 @@ fn one_command_records_compares_and_reports() {
     assert!(html.contains("<svg") && html.contains("data:image/png;base64,") && !html.contains("http-equiv"));
     // What was recorded is used again, and says the same.
     let second = eval(directory.path(), &arguments);
-    assert_eq!(String::from_utf8(second.stdout).unwrap(), table);
-    assert!(!String::from_utf8(second.stderr).unwrap().contains("making"));
+    assert_eq!(stdout(&second), table);
+    assert!(!stderr(&second).contains("making"));
 }
 
 #[test]
@@ -43,8 +40,8 @@ fn equivalence_is_shown_or_not() {
     let arguments =
         "--equivalence unbiased --runs 4 --samples 24 --budgets 40 --reference-spp 64 --json a.json";
     let output = eval(directory.path(), &arguments.split_whitespace().collect::<Vec<_>>());
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = stdout(&output);
+    assert!(output.status.success(), "{}", stderr(&output));
     // Four runs can never do: the interval of a mean of four is far wider than the margin.
     assert!(text.contains("4 runs of") && text.contains("equivalence not shown"), "{text}");
     let json = std::fs::read(directory.path().join("a.json")).unwrap();

@@ -1,27 +1,13 @@
 //! The program from outside: what it writes, what it says, and how it ends.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+mod common;
 
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use common::{command, quietus, refusal, stderr};
 use quietus_film::{Metadata, Picture, read_exr};
 use tempfile::TempDir;
-
-/// Runs the program in `dir`.
-fn quietus(dir: &Path, arguments: &str) -> Output {
-    command(dir, arguments).output().expect("the program starts")
-}
-
-fn command(dir: &Path, arguments: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_quietus"));
-    // Whoever tests may have settings of their own.
-    command.env("XDG_CONFIG_HOME", env!("CARGO_TARGET_TMPDIR"));
-    command.current_dir(dir).args(arguments.split_whitespace());
-    command
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
 
 fn dir() -> TempDir {
     tempfile::tempdir().expect("a temporary directory")
@@ -46,10 +32,7 @@ fn draw(flags: &str) -> (Picture, Metadata) {
 fn refused(dir: &Path, arguments: &str, code: i32) -> String {
     let before = files(dir);
     let output = quietus(dir, arguments);
-    let message = stderr(&output);
-    assert_eq!(output.status.code(), Some(code), "{arguments}: {message}");
-    assert!(message.starts_with("error: "), "{arguments}: {message}");
-    assert!(!message.contains("panicked"), "{arguments}: {message}");
+    let message = refusal(arguments, &output, code);
     assert_eq!(files(dir), before, "{arguments} left something behind");
     message
 }

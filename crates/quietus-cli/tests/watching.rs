@@ -1,34 +1,17 @@
 //! Watching a render from outside: events, files and messages while it runs.
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use common::{command, quietus, stderr, stdout};
 use quietus_film::read_exr;
 use serde_json::Value;
-
-fn command(dir: &Path, arguments: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_quietus"));
-    // Whoever tests may have settings of their own.
-    command.env("XDG_CONFIG_HOME", env!("CARGO_TARGET_TMPDIR"));
-    command.current_dir(dir).args(arguments.split_whitespace());
-    command
-}
-
-fn run(dir: &Path, arguments: &str) -> Output {
-    command(dir, arguments).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn stdout(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned()
-}
 
 /// Waits until `done` holds.
 fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
@@ -43,7 +26,7 @@ fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
 fn events_have_the_documented_keys_and_no_others() {
     let dir = tempfile::tempdir().unwrap();
     let flags = "render -o a.png --size 64x36 --sampling uniform --time 0.8 --progress json";
-    let output = run(dir.path(), flags);
+    let output = quietus(dir.path(), flags);
     assert!(output.status.success(), "{}", stderr(&output));
     let events: Vec<Value> = stdout(&output).lines().map(|l| serde_json::from_str(l).unwrap()).collect();
     let document = include_str!("../../../docs/terminal.md");
@@ -68,7 +51,7 @@ fn events_have_the_documented_keys_and_no_others() {
         (&end["event"], &end["stopped_by"], &end["wrote"][0]),
         (&"end".into(), &"time".into(), &"a.png".into())
     );
-    let output = run(dir.path(), "render missing.glb --progress json");
+    let output = quietus(dir.path(), "render missing.glb --progress json");
     let event: Value = serde_json::from_str(stdout(&output).trim()).unwrap();
     assert_eq!((&event["event"], &event["exit_code"]), (&"error".into(), &3.into()));
 }
@@ -76,12 +59,12 @@ fn events_have_the_documented_keys_and_no_others() {
 #[test]
 fn quiet_is_quiet_and_verbose_is_not() {
     let dir = tempfile::tempdir().unwrap();
-    let output = run(dir.path(), "-q render -o a.png --size 16x16 --spp 2");
+    let output = quietus(dir.path(), "-q render -o a.png --size 16x16 --spp 2");
     assert!(output.status.success());
     assert_eq!((stdout(&output), stderr(&output)), (String::new(), String::new()));
-    let output = run(dir.path(), "render -o a.png --size 16x16 --spp 2 -v");
+    let output = quietus(dir.path(), "render -o a.png --size 16x16 --spp 2 -v");
     assert!(stderr(&output).contains("INFO"), "{}", stderr(&output));
-    let output = run(dir.path(), "render -q -v");
+    let output = quietus(dir.path(), "render -q -v");
     assert_eq!(output.status.code(), Some(2));
 }
 
@@ -239,7 +222,7 @@ fn tev_ends_up_with_the_finished_picture() {
     });
     let address = listener.local_addr().unwrap();
     let flags = "render -o a.exr --size 160x90 --crop 7,3,140,90 --sampling uniform --time 1.5";
-    let output = run(dir.path(), &format!("{flags} --tev {address}"));
+    let output = quietus(dir.path(), &format!("{flags} --tev {address}"));
     assert!(output.status.success() && stderr(&output).is_empty(), "{}", stderr(&output));
     let shown = viewer.join().unwrap();
     let picture = read_exr(&dir.path().join("a.exr")).unwrap().0;
@@ -258,8 +241,10 @@ fn tev_ends_up_with_the_finished_picture() {
 fn a_viewer_that_is_not_there_is_a_warning() {
     let dir = tempfile::tempdir().unwrap();
     let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let output =
-        run(dir.path(), &format!("render -o a.png --size 32x18 --sampling uniform --time 1 --tev {address}"));
+    let output = quietus(
+        dir.path(),
+        &format!("render -o a.png --size 32x18 --sampling uniform --time 1 --tev {address}"),
+    );
     let said = stderr(&output);
     assert!(output.status.success(), "{said}");
     assert_eq!(said.matches(&format!("warning: tev at {address}: ")).count(), 1, "{said}");
@@ -272,7 +257,7 @@ fn a_trace_has_every_threads_passes_rebuilds_and_what_came_before() {
     let dir = tempfile::tempdir().unwrap();
     let flags =
         "render -o a.png --size 64x48 --target-error 0.02 --max-samples 64 --threads 3 --trace t.json";
-    let output = run(dir.path(), flags);
+    let output = quietus(dir.path(), flags);
     assert!(output.status.success() && stderr(&output).is_empty(), "{}", stderr(&output));
     let trace: Vec<Value> =
         serde_json::from_slice(&std::fs::read(dir.path().join("t.json")).unwrap()).unwrap();
@@ -298,7 +283,7 @@ fn a_trace_has_every_threads_passes_rebuilds_and_what_came_before() {
         assert!(from >= begin && to <= end, "{pass} in {render}");
     }
     let samples: u64 = slices("pass").iter().map(|pass| pass["args"]["samples"].as_u64().unwrap()).sum();
-    let stats = run(dir.path(), &format!("{flags} --stats s.json"));
+    let stats = quietus(dir.path(), &format!("{flags} --stats s.json"));
     assert!(stats.status.success());
     let stats: Value = serde_json::from_slice(&std::fs::read(dir.path().join("s.json")).unwrap()).unwrap();
     assert_eq!(
@@ -311,7 +296,7 @@ fn a_trace_has_every_threads_passes_rebuilds_and_what_came_before() {
 #[test]
 fn a_trace_that_cannot_be_written_is_told_before_or_after_the_render() {
     let dir = tempfile::tempdir().unwrap();
-    let output = run(dir.path(), "render -o a.png --size 8x8 --spp 1 --trace no/such/t.json");
+    let output = quietus(dir.path(), "render -o a.png --size 8x8 --spp 1 --trace no/such/t.json");
     assert_eq!(output.status.code(), Some(4));
     assert!(
         stderr(&output).starts_with("error: no/such/t.json: cannot write")

@@ -3,6 +3,8 @@
 //! Needs `chromium` and `chromedriver`, which `cargo xtask test` installs where it may. Without them the tests say so and
 //! pass, but fail where `CI` is set.
 
+#[path = "../common/mod.rs"]
+mod common;
 mod program;
 mod webdriver;
 

@@ -2,7 +2,9 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
+
+use crate::common::{command, quietus, succeeded};
 
 /// The same for all runs, so that one can be found again by the page of another.
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
@@ -15,27 +17,18 @@ pub(crate) struct Program {
     pub(crate) address: String,
 }
 
-fn command(arguments: &str, dir: &Path) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_quietus"));
-    // Whoever tests may have settings of their own.
-    command.env("XDG_CONFIG_HOME", env!("CARGO_TARGET_TMPDIR"));
-    command.args(arguments.split_whitespace()).current_dir(dir).env("QUIETUS_VIEW_TOKEN", TOKEN);
-    command
-}
-
 /// Runs it to its end, which must be a good one.
 pub(crate) fn run(arguments: &str) {
-    let output = command(arguments, Path::new(".")).output().expect("the program starts");
-    assert!(output.status.success(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
+    succeeded(arguments, quietus(Path::new("."), arguments));
 }
 
 impl Program {
     /// Starts it and waits until it says where its page is.
     pub(crate) fn start(arguments: &str) -> Self {
         let dir = tempfile::tempdir().expect("a temporary directory");
-        let mut command = command(arguments, dir.path());
-        let mut process =
-            command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("the program starts");
+        let mut command = command(dir.path(), arguments);
+        command.env("QUIETUS_VIEW_TOKEN", TOKEN).stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut process = command.spawn().expect("the program starts");
         let lines = BufReader::new(process.stdout.take().expect("it is piped")).lines();
         let address = lines
             .map_while(Result::ok)

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 use quietus_film::{Layout, Metadata, OutputError};
-use quietus_render::checkpoint::{Checkpoint, FileMark, Identity, Keeper, PROGRAM};
+use quietus_render::checkpoint::{Checkpoint, FileMark, Header, Identity, Keeper, PROGRAM, RenderState};
 use quietus_render::{Keeping, Recording, RecordingFile, Sampling};
 
 use crate::args::parse_time;
@@ -136,20 +136,14 @@ impl KeepingArgs {
 }
 
 /// The state to go on from.
-fn state(
-    path: &Path,
-    now: &Identity,
-    layout: &Layout,
-) -> Result<quietus_render::checkpoint::RenderState, Failure> {
+fn state(path: &Path, now: &Identity, layout: &Layout) -> Result<RenderState, Failure> {
     let broken = |error| Failure::input(format!("{}: {error}", path.display()));
     let checkpoint = Checkpoint::open(path).map_err(broken)?;
-    let then = checkpoint.identity();
-    let mut differences = differences(checkpoint.program(), then, now);
-    for (name, direction) in ONE_WAY {
-        differences.extend(forbidden(name, direction, then.setting(name), now.setting(name)));
-    }
-    refuse(path, &differences)?;
-    warn_of_machine(path, checkpoint.is_of_this_machine());
+    let then = &checkpoint.header().identity;
+    let one_way = ONE_WAY
+        .into_iter()
+        .filter_map(|(name, direction)| forbidden(name, direction, then.setting(name), now.setting(name)));
+    check_same(path, checkpoint.header(), now, one_way)?;
     checkpoint.state(layout).map_err(broken)
 }
 
@@ -157,29 +151,30 @@ fn state(
 fn recording(path: &Path, now: &Identity, layout: &Layout) -> Result<Recording, Failure> {
     let broken = |error| Failure::input(format!("{}: {error}", path.display()));
     let file = RecordingFile::open(path).map_err(broken)?;
-    refuse(path, &differences(file.program(), file.identity(), now))?;
-    warn_of_machine(path, file.is_of_this_machine());
+    check_same(path, file.header(), now, None)?;
     file.recording(layout).map_err(broken)
 }
 
-fn refuse(path: &Path, differences: &[String]) -> Result<(), Failure> {
-    match differences {
-        [] => Ok(()),
-        _ => Err(Failure::input(format!(
-            "{}: is of another picture:\n  {}",
-            path.display(),
-            differences.join("\n  ")
-        ))),
+/// Refuses a file of another picture than `now`, or with `more` that speaks against it; warns of one of another machine.
+fn check_same(
+    path: &Path,
+    then: &Header,
+    now: &Identity,
+    more: impl IntoIterator<Item = String>,
+) -> Result<(), Failure> {
+    let mut differences = differences(&then.program, &then.identity, now);
+    differences.extend(more);
+    if !differences.is_empty() {
+        let differences = differences.join("\n  ");
+        return Err(Failure::input(format!("{}: is of another picture:\n  {differences}", path.display())));
     }
-}
-
-fn warn_of_machine(path: &Path, is_this: bool) {
-    if !is_this {
+    if !then.is_of_this_machine() {
         say::warning(format!(
             "{}: was drawn on another kind of machine: last digits may differ from what that one would have drawn",
             path.display()
         ));
     }
+    Ok(())
 }
 
 fn identity(settings: Metadata) -> Identity {

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use quietus_film::{Layout, Metadata, Window, remove_abandoned};
+use quietus_film::{Layout, Metadata, Window};
 use quietus_render::{
     Control, Fault, Goal, PathTracer, RenderError, RenderSettings, Rendered, StoppedBy, Watched, go_on,
-    is_running, noise::measure_noise, render_keeping,
+    noise::measure_noise, render_keeping,
 };
 use quietus_trace::desc::{Camera, SceneDesc};
 use quietus_trace::scene::Scene;
@@ -141,9 +141,6 @@ fn picture(
     cancel: &AtomicBool,
     viewing: Option<&mut Viewing>,
 ) -> Result<Ending, Failure> {
-    for (path, _) in &plan.outputs {
-        remove_abandoned(&plan.name(path, frame), is_running);
-    }
     if let Some(viewing) = viewing {
         return viewing.picture(args, plan, ready, frame, cancel);
     }

@@ -2,6 +2,7 @@
 
 use quietus::Settings;
 
+use crate::measure::luminance;
 use crate::{Bank, EvalError, Picture, Reference, replay::replay_watched};
 
 /// Share of the visible pixels that make up the feature: those whose light is rarest.
@@ -75,10 +76,6 @@ pub fn discovery(
     })?;
     let at_end = feature.is_found(|pixel| replayed.picture.rgb[pixel]).then(|| replayed.samples_per_pixel());
     Ok(found.or(at_end))
-}
-
-fn luminance(rgb: [f32; 3]) -> f64 {
-    0.2126 * f64::from(rgb[0]) + 0.7152 * f64::from(rgb[1]) + 0.0722 * f64::from(rgb[2])
 }
 
 #[cfg(test)]

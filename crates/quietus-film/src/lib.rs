@@ -22,9 +22,7 @@ pub use exr_file::{ExrChannel, ExrInfo, ExrLayer, Metadata, read_exr, read_exr_i
 pub use exr_planes::{ExrPlanes, read_exr_planes, write_exr_planes};
 pub use film::{Aovs, Film, FilmState, Replicate, TileCopy};
 pub use layout::{Layout, LayoutError, TILE, TILE_PIXELS, Window};
-pub use output::{
-    OutputError, OutputFormat, check_writable, remove_abandoned, remove_unfinished, write_atomically,
-};
+pub use output::{OutputError, OutputFormat, check_writable, remove_unfinished, write_atomically};
 pub use picture::Picture;
 pub use png_file::{srgb8, write_png, write_rgb_png};
 pub use rejected::{RejectedSample, RejectedSamples};

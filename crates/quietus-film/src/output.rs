@@ -94,10 +94,9 @@ pub fn remove_unfinished() {
     }
 }
 
-/// Removes what processes that were killed have left beside `path` while they wrote it. `is_running` tells of a
+/// Removes what processes that were killed have left beside `target` while they wrote it. `is_running` tells of a
 /// process, by its number, whether it may still be writing.
-pub fn remove_abandoned(path: &Path, is_running: impl Fn(u32) -> bool) {
-    let target = destination(path);
+fn remove_abandoned(target: &Path, is_running: impl Fn(u32) -> bool) {
     let Some(name) = target.file_name().and_then(|name| name.to_str()) else { return };
     let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let Ok(entries) = fs::read_dir(folder) else { return };
@@ -111,6 +110,20 @@ pub fn remove_abandoned(path: &Path, is_running: impl Fn(u32) -> bool) {
             // Left by somebody who is gone; where it cannot be removed it does no harm.
             let _ = fs::remove_file(entry.path());
         }
+    }
+}
+
+/// Whether there is a process of this number; true where the system does not tell.
+fn is_running(process: u32) -> bool {
+    #[cfg(unix)]
+    {
+        let pid = i32::try_from(process).ok().and_then(rustix::process::Pid::from_raw);
+        pid.is_some_and(|pid| rustix::process::test_kill_process(pid) != Err(rustix::io::Errno::SRCH))
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = process;
+        true
     }
 }
 
@@ -134,6 +147,7 @@ fn create_beside(path: &Path) -> Result<(Temporary, File), OutputError> {
         }
         _ => {}
     }
+    remove_abandoned(&target, is_running);
     let mut number = 0;
     loop {
         let mut hidden = OsString::from(".");

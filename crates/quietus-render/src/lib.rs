@@ -27,7 +27,7 @@ mod tracer;
 pub use fault::Fault;
 pub use live::Live;
 pub use pixel_errors::{pixel_error, shown_error};
-pub use process::{available_memory, is_running};
+pub use process::available_memory;
 pub use progress::{NoiseProgress, Progress};
 pub use recording::{Recording, RecordingFile};
 pub use rounds::{Keeping, go_on, render, render_keeping};

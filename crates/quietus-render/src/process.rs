@@ -13,20 +13,6 @@ pub(crate) fn cpu_time() -> Option<Duration> {
     None
 }
 
-/// Whether there is a process of this number; true where the system does not tell.
-pub fn is_running(process: u32) -> bool {
-    #[cfg(unix)]
-    {
-        let pid = i32::try_from(process).ok().and_then(rustix::process::Pid::from_raw);
-        pid.is_some_and(|pid| rustix::process::test_kill_process(pid) != Err(rustix::io::Errno::SRCH))
-    }
-    #[cfg(not(unix))]
-    {
-        let _ = process;
-        true
-    }
-}
-
 /// The most memory this process has held at once, in bytes; `None` where the system does not tell.
 pub(crate) fn peak_rss_bytes() -> Option<u64> {
     kibibytes("/proc/self/status", "VmHWM:")

@@ -53,19 +53,9 @@ impl RecordingFile {
         file::open(path, Kind::Recording).map(Self)
     }
 
-    /// What it is the recording of.
-    pub fn identity(&self) -> &Identity {
-        &self.0.header.identity
-    }
-
-    /// Version of the program that wrote it.
-    pub fn program(&self) -> &str {
-        &self.0.header.program
-    }
-
-    /// Whether its samples were drawn by the same machine code as this processor gets.
-    pub fn is_of_this_machine(&self) -> bool {
-        self.0.header.is_of_this_machine()
+    /// What it is the recording of, and what wrote it.
+    pub fn header(&self) -> &Header {
+        &self.0.header
     }
 
     /// Reads the recording of a picture of `layout`.

@@ -394,8 +394,8 @@ impl<'a, T: Tracer> Rounds<'a, T> {
             && (0..sampling.grid().tiles()).any(|tile| sampling.quotas(tile).is_none())
     }
 
-    /// Draws until the sampling is done, or has to stop, and says why. Also stops where another noise was asked for, or the round takes too much of the time, without
-    /// a reason to end the render.
+    /// Draws until the sampling is done, or has to stop, and says why. Also stops where another noise was asked for,
+    /// or the round takes too much of the time, without a reason to end the render.
     fn round(
         &mut self,
         sampling: &AdaptiveSampling,

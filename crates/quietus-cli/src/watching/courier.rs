@@ -20,8 +20,8 @@ pub(super) trait Recipient: Send + 'static {
     /// Takes a picture of a render that has gone on for so long. What goes wrong is said, and no reason to stop.
     fn receive(&mut self, picture: &Picture, elapsed: Duration);
 
-    /// Takes the finished picture.
-    fn receive_last(&mut self, picture: &Picture);
+    /// Takes the finished picture, where it is sent one.
+    fn receive_last(&mut self, _: &Picture) {}
 }
 
 /// What the thread is sent.

@@ -47,7 +47,8 @@ const TEV_FIRST: Duration = Duration::from_millis(200);
 /// What one render is watched by.
 pub(crate) struct Onlookers {
     reporter: Reporter,
-    couriers: Vec<Courier>,
+    saver: Option<Courier>,
+    tev: Option<Courier>,
     has_warned: bool,
 }
 
@@ -74,7 +75,7 @@ impl Onlookers {
         });
         let tev = args.tev.clone();
         let tev = tev.and_then(|address| Courier::start(Tev::new(address, name), TEV_FIRST, TEV_INTERVAL));
-        Self { reporter, couriers: [saver, tev].into_iter().flatten().collect(), has_warned: false }
+        Self { reporter, saver, tev, has_warned: false }
     }
 
     /// Lets them look.
@@ -90,12 +91,14 @@ impl Onlookers {
                 100.0 * expected
             ));
         }
-        self.couriers.iter_mut().for_each(|courier| courier.offer(watched));
+        [&mut self.saver, &mut self.tev].into_iter().flatten().for_each(|courier| courier.offer(watched));
     }
 
-    /// Shows them the finished picture, where there is one, and lets them go.
+    /// Shows the finished picture, where there is one, and lets them go. Whoever drew it writes it to its files.
     pub(crate) fn leave(self, film: Option<&Film>) {
-        self.couriers.into_iter().for_each(|courier| courier.finish(film));
-        drop(self.reporter);
+        let Self { reporter, saver, tev, .. } = self;
+        saver.into_iter().for_each(|saver| saver.finish(None));
+        tev.into_iter().for_each(|tev| tev.finish(film));
+        drop(reporter);
     }
 }

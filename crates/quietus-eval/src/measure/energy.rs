@@ -49,7 +49,7 @@ fn energy(picture: &Picture, darkest: &[usize]) -> Energy {
 }
 
 /// Luminance of linear Rec.709.
-fn luminance(rgb: [f32; 3]) -> f64 {
+pub(crate) fn luminance(rgb: [f32; 3]) -> f64 {
     0.2126 * f64::from(rgb[0]) + 0.7152 * f64::from(rgb[1]) + 0.0722 * f64::from(rgb[2])
 }
 

@@ -6,6 +6,7 @@ mod flip;
 mod stops;
 mod structure;
 
+pub(crate) use energy::luminance;
 pub use energy::{Energy, EnergyMeter};
 pub use errors::{Errors, Measure, errors};
 pub use flip::{PIXELS_PER_DEGREE, flip, flip_map};

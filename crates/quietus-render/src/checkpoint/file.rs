@@ -48,13 +48,13 @@ pub(crate) enum Kind {
 
 /// What can be told without the state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Header {
+pub struct Header {
     /// Version of the program that wrote it.
-    pub(crate) program: String,
+    pub program: String,
     /// The code path its samples were drawn with.
-    pub(crate) machine: String,
+    machine: String,
     /// The picture it is of.
-    pub(crate) identity: Identity,
+    pub identity: Identity,
 }
 
 impl Header {
@@ -63,8 +63,9 @@ impl Header {
         Self { program: super::PROGRAM.to_owned(), machine: machine(), identity }
     }
 
-    /// Whether samples were drawn by the same code. Wide instructions do not matter, the system's sines and cosines do.
-    pub(crate) fn is_of_this_machine(&self) -> bool {
+    /// Whether its samples were drawn by the same machine code as this processor gets; others round a few of them
+    /// otherwise. Wide instructions do not matter, the system's sines and cosines do.
+    pub fn is_of_this_machine(&self) -> bool {
         self.machine == machine()
     }
 }

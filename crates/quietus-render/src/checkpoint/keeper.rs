@@ -4,11 +4,10 @@ use std::path::PathBuf;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use quietus_film::{OutputError, remove_abandoned};
+use quietus_film::OutputError;
 
 use super::file::{self, Header, Kind};
 use super::{Identity, RenderState};
-use crate::process;
 
 /// Writes checkpoints to a file, one at a time, on a thread of its own: the render waits only while its state is copied.
 pub struct Keeper {
@@ -40,7 +39,6 @@ impl Keeper {
         identity: Identity,
         warn: impl Fn(&OutputError) + 'static,
     ) -> Self {
-        remove_abandoned(&path, process::is_running);
         Self {
             path,
             every,

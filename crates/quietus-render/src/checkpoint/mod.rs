@@ -12,8 +12,8 @@ use std::path::Path;
 
 use quietus_film::Layout;
 
+pub use file::{Header, ReadError, sealed};
 use file::{Kind, Opened};
-pub use file::{ReadError, sealed};
 pub use identity::{FileMark, Identity};
 pub use keeper::{CheckpointCost, Keeper};
 pub use state::RenderState;
@@ -42,19 +42,9 @@ impl<'a> Checkpoint<Cursor<&'a [u8]>> {
 }
 
 impl<R: Read + Seek> Checkpoint<R> {
-    /// What it is the state of.
-    pub fn identity(&self) -> &Identity {
-        &self.0.header.identity
-    }
-
-    /// Version of the program that wrote it.
-    pub fn program(&self) -> &str {
-        &self.0.header.program
-    }
-
-    /// Whether its samples were drawn by the same machine code as this processor gets. Others round a few of them otherwise.
-    pub fn is_of_this_machine(&self) -> bool {
-        self.0.header.is_of_this_machine()
+    /// What it is the state of, and what wrote it.
+    pub fn header(&self) -> &Header {
+        &self.0.header
     }
 
     /// Reads the state, of a picture of `layout`.

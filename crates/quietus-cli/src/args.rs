@@ -51,7 +51,7 @@ Examples:
 
 /// A path tracer that puts samples where the noise is.
 ///
-/// Without a command it draws the scene built into it, at a noise of 3 %, and says where the pictures are.
+/// Without a command it draws the scene built into it, small and at a noise of 2 %, and says where the pictures are.
 #[derive(Parser, Debug)]
 #[command(name = "quietus", version, max_term_width = 100)]
 #[command(after_help = format!("{FIRST_EXAMPLES}\n\n{EXIT_CODES}"))]

@@ -20,25 +20,36 @@ function separate(curve, exposure) {
   return (values, at) => pack(table[values[at]], table[values[at + 1]], table[values[at + 2]]);
 }
 
-// AgX: Troy Sobotka's display transform (2022), in the form of a fit by Benjamin Wrensch (2023): linear Rec.709 into a
-// wider space, a logarithm over its range of stops, a polynomial for the contrast, and back out of that space.
+// AgX (Troy Sobotka's display transform, 2022), as `ToneCurve::AgX` of quietus-film has it: linear Rec.709 into narrower
+// primaries, a logarithm over its range of stops, a sigmoid, and back out of those primaries.
 const INSET = [
   [0.842479062253094, 0.0784335999999992, 0.0792237451477643],
   [0.0423282422610123, 0.878468636469772, 0.0791661274605434],
   [0.0423756549057051, 0.0784336, 0.879142973793104],
 ];
-const OUTSET = [
-  [1.19687900512017, -0.0980208811401368, -0.0990297440797205],
-  [-0.0528968517574562, 1.15190312990417, -0.0989611768448433],
-  [-0.0529716355144438, -0.0980434501171241, 1.15107367264116],
-];
-const LEAST_STOP = -12.47393, MOST_STOP = 4.026069;
-const CONTRAST = [-0.00232, 0.1191, 0.4298, -6.868, 31.96, -40.14, 15.5];
+const OUTSET = inverse(INSET);
+/** Stops below and above middle grey that the curve spans, and the values a display is sent below and above grey. */
+const STOPS = [10, 6.5], GREY = 0.18, HALF = 0.5;
+/** Slope of the curve at middle grey, and how sharply it bends below and above it. */
+const SLOPE = 2, BEND = [3, 3.25];
 
-/** The curve of AgX on one channel of its space. */
+/** By cofactors. */
+function inverse(m) {
+  const minor = (r, c) => {
+    const [a, b, d, e] = [(r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3];
+    return m[a][d] * m[b][e] - m[a][e] * m[b][d];
+  };
+  const determinant = [0, 1, 2].reduce((sum, c) => sum + m[0][c] * minor(0, c), 0);
+  return [0, 1, 2].map((r) => [0, 1, 2].map((c) => minor(c, r) / determinant));
+}
+
+/** The curve of AgX on one channel of its space: a hyperbolic sigmoid through black, middle grey and white. */
 function contrast(value) {
-  const x = unit((Math.log2(Math.max(value, 1e-30)) - LEAST_STOP) / (MOST_STOP - LEAST_STOP));
-  return CONTRAST.reduceRight((sum, factor) => sum * x + factor, 0);
+  const range = STOPS[0] + STOPS[1], pivot = STOPS[0] / range;
+  const x = unit((Math.log2(Math.max(value / GREY, 1e-10)) + STOPS[0]) / range);
+  const isBelow = x < pivot, power = BEND[isBelow ? 0 : 1], reach = SLOPE * (isBelow ? pivot : 1 - pivot);
+  const limit = (HALF ** -power - reach ** -power) ** (-1 / power), t = (SLOPE * Math.abs(x - pivot)) / limit;
+  return HALF + ((isBelow ? -1 : 1) * limit * t) / (1 + t ** power) ** (1 / power);
 }
 
 // The curve for every float, by its first 16 bits after the sign: 8 binary digits are finer than the screen shows.

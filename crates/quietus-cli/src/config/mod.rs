@@ -30,8 +30,8 @@ pub(crate) struct Complete {
     pub has_settings: bool,
 }
 
-/// Noise of the picture that is drawn without a command.
-const FIRST_LOOK: &str = "3%";
+/// What is drawn without a command: in half a minute, and clean enough to be looked at.
+const FIRST_LOOK: [&str; 4] = ["--size", "480x270", "--noise", "2%"];
 
 /// Parses `words` and what the file adds to them. Where they ask for help, or make no sense, the program ends here.
 ///
@@ -41,7 +41,7 @@ pub(crate) fn complete(mut words: Vec<OsString>) -> Result<Complete, Failure> {
     let mut matches = parse(&words).unwrap_or_else(|error| error.exit());
     if matches.subcommand().is_none() {
         // `quietus` alone is a first look at what it does: soon there rather than clean.
-        words.extend(["render", "--noise", FIRST_LOOK].map(OsString::from));
+        words.extend(["render"].into_iter().chain(FIRST_LOOK).map(OsString::from));
         matches = parse(&words).unwrap_or_else(|error| error.exit());
     }
     let cli = |matches: &ArgMatches| Cli::from_arg_matches(matches).unwrap_or_else(|error| error.exit());

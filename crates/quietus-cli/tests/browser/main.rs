@@ -11,6 +11,7 @@ mod webdriver;
 use std::path::PathBuf;
 
 use base64::Engine;
+use quietus_film::ToneCurve;
 use serde_json::Value;
 
 use crate::program::Program;
@@ -21,6 +22,9 @@ const TABLET: [u32; 2] = [820, 1180];
 
 /// A render that goes on for longer than any test.
 const ENDLESS: &str = "--size 320x180 --target-error 1e-9 --min-samples 4 --max-samples 1000000 --threads 1";
+
+/// A folder beside the program, for its files.
+const FOLDER: &str = "there";
 
 /// The driver, or `None` where there is none and that is no fault.
 fn driver() -> Option<Driver> {
@@ -192,6 +196,70 @@ fn the_render_is_steered() {
     browser.click("#home");
     browser.click("#stop");
     browser.wait("state.textContent === 'Stopped' || state.textContent === 'Finished'");
+}
+
+#[test]
+fn fingers_zoom_the_picture_and_move_the_camera() {
+    let Some(driver) = driver() else { return };
+    let program = Program::start(&format!("view {ENDLESS}"));
+    let browser = look(&driver, &program, TABLET);
+    pause(&browser);
+    changes_picture(&browser, "zoomed", || browser.spread([400, 300], 20, 120));
+    browser.run("stage.focus()");
+    changes_picture(&browser, "whole again", || browser.keys("0"));
+    let still = browser.run("return document.getElementById('elapsed').textContent");
+    browser.click("#camera-mode");
+    changes_picture(&browser, "nearer", || browser.spread([400, 300], 20, 120));
+    browser.wait(&format!("elapsed.textContent !== '{}'", still.as_str().unwrap()));
+}
+
+#[test]
+fn what_cannot_be_saved_is_kept_until_it_can() {
+    let Some(driver) = driver() else { return };
+    let program = Program::start(&format!("view {ENDLESS} -o {FOLDER}/a.exr"));
+    let folder = program.dir().join(FOLDER);
+    let browser = look(&driver, &program, LAPTOP);
+    std::fs::remove_dir(&folder).unwrap();
+    browser.click("#stop");
+    browser.wait("notices.textContent.includes('not written: ')");
+    browser.wait("document.getElementById('stop').textContent === 'Save again'");
+    let samples = browser.run("return spp.textContent");
+    std::fs::create_dir(&folder).unwrap();
+    browser.click("#stop");
+    browser.wait("notices.textContent.includes('wrote ')");
+    assert!(folder.join("a.exr").exists());
+    assert_eq!(browser.run("return spp.textContent"), samples, "it is the picture that could not be written");
+}
+
+/// The page's AgX and that of `quietus convert` are the same curve.
+#[test]
+fn tones_are_those_of_converted_pictures() {
+    let Some(driver) = driver() else { return };
+    let program = Program::start(&format!("view {ENDLESS}"));
+    let browser = look(&driver, &program, LAPTOP);
+    // Half floats with their bits: 0, 2^-24, 2^-14, 0.1, 0.18, 1/2, 1, 3, 20, 65504.
+    let halves = [0, 1, 0x0400, 0x2e66, 0x31c3, 0x3800, 0x3c00, 0x4200, 0x4d00, 0x7bff];
+    let values =
+        [0.0, 2_f32.powi(-24), 2_f32.powi(-14), 0.099_975_586, 0.180_053_71, 0.5, 1.0, 3.0, 20.0, 65504.0];
+    for (name, curve) in [("agx", ToneCurve::AgX), ("srgb", ToneCurve::Srgb), ("linear", ToneCurve::Linear)] {
+        let codes = browser.run(&format!(
+            "const tone = (await import(new URL('tone.js', document.baseURI))).toneCurve('{name}', 0);
+             const halves = {halves:?}, codes = [];
+             for (const r of halves) for (const g of halves) for (const b of halves) codes.push(tone([r, g, b], 0));
+             return codes;"
+        ));
+        let colors = values.iter().flat_map(|r| values.iter().flat_map(|g| values.map(|b| [*r, *g, b])));
+        for (color, code) in colors.zip(codes.as_array().unwrap()) {
+            let ours = curve.encode(color).map(i64::from);
+            let code = code.as_i64().unwrap();
+            let theirs = [code & 255, code >> 8 & 255, code >> 16 & 255];
+            // The page's table has eight binary digits: a stop's 360th, which is a tenth of a code, and may round away.
+            assert!(
+                ours.iter().zip(theirs).all(|(a, b)| (a - b).abs() <= 1),
+                "{name} {color:?}: {ours:?} {theirs:?}"
+            );
+        }
+    }
 }
 
 #[test]

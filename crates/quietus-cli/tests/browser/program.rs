@@ -26,6 +26,7 @@ impl Program {
     /// Starts it and waits until it says where its page is.
     pub(crate) fn start(arguments: &str) -> Self {
         let dir = tempfile::tempdir().expect("a temporary directory");
+        std::fs::create_dir(dir.path().join(crate::FOLDER)).expect("a folder for files");
         let mut command = command(dir.path(), arguments);
         command.env("QUIETUS_VIEW_TOKEN", TOKEN).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut process = command.spawn().expect("the program starts");

@@ -177,6 +177,20 @@ impl<'a> Browser<'a> {
         );
     }
 
+    /// Spreads two fingers on both sides of a point of the page, from one distance of it to another, in five steps.
+    pub(crate) fn spread(&self, middle: [i64; 2], from: i64, to: i64) {
+        let finger = |side: i64| {
+            let x = |i: i64| middle[0] + side * (from + (to - from) * i / 5);
+            let moved = |i| json!({ "type": "pointerMove", "duration": 20, "x": x(i), "y": middle[1] });
+            let mut actions = vec![moved(0), json!({ "type": "pointerDown", "button": 0 })];
+            actions.extend((1..=5).map(moved));
+            actions.push(json!({ "type": "pointerUp", "button": 0 }));
+            let kind = json!({ "pointerType": "touch" });
+            json!({ "type": "pointer", "id": format!("finger {side}"), "parameters": kind, "actions": actions })
+        };
+        self.post("actions", json!({ "actions": [finger(-1), finger(1)] }));
+    }
+
     /// The page as a PNG, in base64.
     pub(crate) fn screenshot(&self) -> String {
         let shot = self.driver.send("GET", &format!("{}/screenshot", self.path), &Value::Null);

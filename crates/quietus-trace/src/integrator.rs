@@ -30,10 +30,10 @@ mod volume;
 /// Path segments before Russian roulette may end a path: direct light carries most of the picture. In the Cornell box
 /// of the benchmark `paths`, 2 instead of 4 saves 23 % of the rays and adds 2 % to the variance.
 const ROULETTE_AFTER: u32 = 2;
-/// How much more than its throughput a path is trusted to carry where it may yet escape to an environment, which is
-/// bright on all sides. Relative variance times CPU time, against 1: 0.43 on a bumpy ball under a sky, 0.68 with a lamp
-/// beside the sky; in closed boxes it would be 1.03 and 1.20.
-const TRUST_IN_ENVIRONMENTS: f32 = 4.0;
+/// How much more than what it carries a path is trusted with where it may yet escape to an environment, which is bright on
+/// all sides. What it carries counts in proportion to what the first surface left of it: paths from dark surfaces are
+/// all that their pixels are drawn from. docs/light-transport.md tells what other values cost.
+const TRUST_IN_ENVIRONMENTS: f32 = 2.0;
 
 /// Dimensions of the sampler taken by the camera: place in the filter, place on the lens.
 const CAMERA_DIMENSIONS: u32 = 4;
@@ -65,6 +65,8 @@ struct Path<'a, I> {
     /// Density per steradian of [`Self::direction`]; infinite where nothing else can find it.
     pdf: f32,
     throughput: Vec3,
+    /// What it carried, at most 1, when Russian roulette began.
+    at_first: f32,
     /// Product of `eta^2` so far: what refraction has taken from the throughput without losing energy.
     eta2: f32,
     /// The medium it is in; looked at in scenes with media alone.
@@ -104,6 +106,7 @@ pub(crate) fn sample<I: Isa>(
         receiver: Receiver::medium(ray.origin, time),
         pdf: f32::INFINITY,
         throughput: Vec3::ONE,
+        at_first: 1.0,
         eta2: 1.0,
         inside: view.medium,
         sample: Sample::default(),
@@ -365,10 +368,16 @@ impl<I: Isa> Path<'_, I> {
     /// Russian roulette by what the path can still carry.
     #[inline(always)]
     fn survives(&mut self, depth: u32) -> bool {
-        let trust = if self.scene.environment().is_some() { TRUST_IN_ENVIRONMENTS } else { 1.0 };
-        let carried = trust * self.throughput.max_element() * self.eta2;
-        if depth < ROULETTE_AFTER || carried >= 1.0 {
+        let mut carried = self.throughput.max_element() * self.eta2;
+        if depth < ROULETTE_AFTER {
+            self.at_first = carried.min(1.0);
             return carried > 0.0;
+        }
+        if self.scene.environment().is_some() {
+            carried *= TRUST_IN_ENVIRONMENTS / self.at_first;
+        }
+        if carried >= 1.0 {
+            return true;
         }
         let survives = self.sampler.next_1d() < carried;
         self.throughput /= carried;

@@ -22,8 +22,8 @@ pub struct Summary {
     pub materials: u64,
     /// Textures.
     pub textures: u64,
-    /// Point, spot and directional lights.
-    pub lights: [u64; 3],
+    /// Point, spot and directional lights, and those that send a picture.
+    pub lights: [u64; 4],
     /// Shapes in the world whose material emits.
     pub emitters: u64,
     /// Whether light comes from infinitely far away.
@@ -52,6 +52,7 @@ pub fn summary(scene: &SceneDesc) -> Summary {
             Light::Point { .. } => 0,
             Light::Spot { .. } => 1,
             Light::Directional { .. } => 2,
+            Light::Picture { .. } => 3,
         };
         sum.lights[kind] += 1;
     }
@@ -175,8 +176,12 @@ impl fmt::Display for Summary {
         writeln!(f, "objects      {objects}, placed {instances} times")?;
         writeln!(f, "materials    {}", self.materials)?;
         writeln!(f, "textures     {}", self.textures)?;
-        let [point, spot, directional] = self.lights;
-        writeln!(f, "lights       {point} point, {spot} spot, {directional} directional")?;
+        let [point, spot, directional, pictures] = self.lights;
+        write!(f, "lights       {point} point, {spot} spot, {directional} directional")?;
+        if pictures > 0 {
+            write!(f, ", {pictures} with a picture")?;
+        }
+        writeln!(f)?;
         writeln!(f, "emitters     {}", self.emitters)?;
         writeln!(f, "environment  {}", if self.environment { "yes" } else { "no" })?;
         writeln!(f, "cameras      {}", self.cameras.join(", "))?;

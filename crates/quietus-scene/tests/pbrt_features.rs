@@ -6,8 +6,9 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 use quietus_scene::{Loaded, load, load_bytes};
 use quietus_trace::desc::{
-    Alpha, Camera, CurveKind, EnvironmentLayout, FrameAxis, Geometry, HairColor, Light, Mapping, Material,
-    Mesh, Metal, Projection, Quadric, RoughnessScale, SceneDesc, Shape, Surface, Texels, Texture, Wrap,
+    Alpha, Camera, CurveKind, Density, EnvironmentLayout, FrameAxis, Geometry, Glow, HairColor, Light,
+    Mapping, Material, Mesh, Metal, NoisePattern, PictureSpread, Projection, Quadric, RoughnessScale,
+    SceneDesc, Shape, Surface, Texels, Texture, Wrap,
 };
 use quietus_trace::filter::FilterShape;
 
@@ -451,4 +452,150 @@ fn a_mesh_file_that_several_shapes_use() {
     let heights: Vec<_> = shapes(&scene).iter().map(|shape| mesh(shape).positions[0].z).collect();
     assert_eq!(heights, [0.0, 1.0]);
     assert_eq!(scene.instances.len(), 1);
+}
+
+/// The medium that `text` describes, which must be sound all the way to the tracer.
+fn medium(text: &str) -> quietus_trace::desc::Medium {
+    let scene = world(&format!("MakeNamedMedium \"m\" {text}"));
+    quietus_trace::scene::Scene::build(&scene).unwrap_or_else(|error| panic!("{text}: {error}"));
+    scene.media[0].clone()
+}
+
+#[test]
+fn media_without_coefficients_are_those_of_pbrt() {
+    let plain = medium("\"string type\" \"homogeneous\" \"float scale\" 2");
+    assert_eq!([plain.absorption, plain.scattering], [Vec3::splat(2.0); 2]);
+    let preset =
+        medium("\"string type\" \"homogeneous\" \"string preset\" \"Espresso\" \"rgb sigma_a\" [9 9 9]");
+    assert_eq!(preset.absorption, Vec3::new(4.7984, 6.5751, 8.8493), "presets count");
+}
+
+#[test]
+fn media_on_grids() {
+    let text = "\"string type\" \"uniformgrid\" \"integer nx\" 2 \"integer ny\" 1 \"integer nz\" 3
+        \"float density\" [1 2 3 4 5 6] \"rgb sigma_a\" [1 1 1] \"rgb sigma_s\" [2 2 2] \"float scale\" 3
+        \"point3 p0\" [0 0 0] \"point3 p1\" [2 4 8]";
+    let scene = world(&format!("Translate 10 0 0 Scale 2 2 2 MakeNamedMedium \"m\" {text}"));
+    let variation = scene.media[0].variation.as_ref().expect("a grid");
+    assert_eq!(scene.media[0].scattering, Vec3::splat(6.0));
+    assert!(close(variation.from_world.transform_point3(Vec3::new(14.0, 8.0, 16.0)), Vec3::ONE));
+    let Density::Grid(grid) = &variation.density else { panic!("{variation:?}") };
+    assert_eq!((grid.size, grid.values[5]), ([2, 1, 3], 6.0));
+
+    let fire = medium(
+        "\"string type\" \"uniformgrid\" \"float density\" [1] \"float temperature\" [ .5 ]
+         \"float temperaturescale\" 4000 \"float temperatureoffset\" .1 \"float Lescale\" 3",
+    );
+    let glow = fire.variation.expect("a grid").glow.clone();
+    let Some(Glow::Heat { colors, hottest, scale, .. }) = &glow else { panic!("{glow:?}") };
+    assert_eq!((*hottest, scale.as_ref().expect("a grid").values[0]), (0.5, 3.0));
+    let [first, last] = [colors[0], colors[colors.len() - 1]];
+    assert_eq!(first, Vec3::ZERO, "nothing glows below the offset");
+    assert!(last.x > 2.0 * last.y && last.y > 2.0 * last.z, "1600 K are orange: {last}");
+
+    let colored = medium(
+        "\"string type\" \"rgbgrid\" \"rgb sigma_a\" [1 2 3] \"rgb Le\" [ 4 5 6 ] \"float Lescale\" .5
+         \"float scale\" 2",
+    );
+    assert_eq!((colored.absorption, colored.emission), (Vec3::splat(2.0), Vec3::splat(0.5)));
+    let variation = colored.variation.expect("a grid");
+    let Density::Colors { absorption: Some(grid), scattering: None } = &variation.density else {
+        panic!("{variation:?}")
+    };
+    assert_eq!(grid.values, [Vec3::new(1.0, 2.0, 3.0)]);
+    assert!(
+        matches!(&variation.glow, Some(Glow::Colors(grid)) if grid.values[0] == Vec3::new(4.0, 5.0, 6.0))
+    );
+
+    let cloud = medium("\"string type\" \"cloud\" \"float density\" 2 \"point3 p1\" [3 1 1]");
+    let density = cloud.variation.expect("a cloud").density.clone();
+    let Density::Cloud { density, wispiness, frequency, to_cloud } = density else { panic!("{density:?}") };
+    assert_eq!([density, wispiness, frequency], [2.0, 1.0, 5.0]);
+    assert!(close(to_cloud.transform_point3(Vec3::ONE), Vec3::new(3.0, 1.0, 1.0)));
+}
+
+#[test]
+fn patterns_without_pictures() {
+    let texture = |kind: &str, text: &str| {
+        let scene = world(&format!(
+            "Translate 1 0 0 Texture \"t\" \"{kind}\" {text}\nMaterial \"diffuse\" \"texture {}\" \"t\" Shape \"sphere\"",
+            if kind == "float" { "displacement" } else { "reflectance" }
+        ));
+        quietus_trace::scene::Scene::build(&scene).unwrap_or_else(|error| panic!("{text}: {error}"));
+        scene.textures[0].clone()
+    };
+    let marble = texture("spectrum", "\"marble\" \"float scale\" 4 \"integer octaves\" 3");
+    let Texture::Noise { from_world, pattern } = marble else { panic!("{marble:?}") };
+    assert!(close(from_world.transform_point3(Vec3::X), Vec3::ZERO));
+    assert_eq!(pattern, NoisePattern::Marble { octaves: 3, roughness: 0.5, scale: 4.0, variation: 0.2 });
+    for (name, expected) in [
+        ("fbm", NoisePattern::Brownian { octaves: 8, roughness: 0.5 }),
+        ("wrinkled", NoisePattern::Wrinkled { octaves: 8, roughness: 0.5 }),
+        ("windy", NoisePattern::Windy),
+    ] {
+        let found = texture("float", &format!("\"{name}\""));
+        assert!(matches!(found, Texture::Noise { pattern, .. } if pattern == expected), "{found:?}");
+    }
+    let corners = texture("spectrum", "\"bilerp\" \"rgb v10\" [1 0 0] \"rgb v01\" [0 1 0]");
+    let Texture::Corners { colors, .. } = corners else { panic!("{corners:?}") };
+    assert_eq!(colors, [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE]);
+    let dots = texture("spectrum", "\"dots\" \"rgb inside\" [1 0 0]");
+    assert!(matches!(dots, Texture::Dots { colors: [c, _], .. } if c.factor == Vec3::X), "{dots:?}");
+    let mix = texture("spectrum", "\"directionmix\" \"vector3 dir\" [0 0 2]");
+    assert!(matches!(mix, Texture::Facing { direction, .. } if direction == Vec3::Z), "{mix:?}");
+}
+
+#[test]
+fn lights_that_send_pictures() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let pfm = |name: &str, width: u32, texels: &[f32]| {
+        let mut bytes = format!("PF\n{width} 2\n-1.0\n").into_bytes();
+        texels.iter().flat_map(|t| [t; 3]).for_each(|t| bytes.extend(t.to_le_bytes()));
+        std::fs::write(folder.path().join(name), bytes).expect("writable");
+    };
+    pfm("square.pfm", 2, &[1.0, 2.0, 3.0, 2.0]);
+    pfm("wide.pfm", 4, &[1.0; 8]);
+    let path = folder.path().join("main.pbrt");
+    let lights = |text: &str| {
+        std::fs::write(&path, format!("WorldBegin Translate 0 0 3 {text}")).expect("writable");
+        let scene = load(&path).unwrap_or_else(|error| panic!("{error}")).scene;
+        quietus_trace::scene::Scene::build(&scene).unwrap_or_else(|error| panic!("{text}: {error}"));
+        scene.lights
+    };
+    let found = lights("LightSource \"goniometric\" \"string filename\" \"square.pfm\" \"float power\" 8");
+    let Light::Picture { position, from_world, intensity, spread, .. } = &found[0] else {
+        panic!("{found:?}")
+    };
+    assert_eq!((*position, *spread), (Vec3::Z * 3.0, PictureSpread::AllAround));
+    assert!(close(*from_world * Vec3::Y, Vec3::Z), "the diagram's pole is y");
+    // The mean of the diagram is 2.
+    assert!(
+        (intensity.dot(Vec3::new(0.2126, 0.7152, 0.0722)) - 8.0 / (4.0 * PI * 2.0)).abs() < 1e-3,
+        "{intensity}"
+    );
+
+    let found = lights(
+        "LightSource \"projection\" \"string filename\" \"wide.pfm\" \"float fov\" 90 \"float scale\" 2",
+    );
+    let Light::Picture { from_world, intensity, spread, .. } = &found[0] else { panic!("{found:?}") };
+    let PictureSpread::Window { half } = spread else { panic!("{spread:?}") };
+    assert!(half.abs_diff_eq(Vec2::new(2.0, 1.0), 1e-5), "the shorter side has the angle: {half}");
+    assert_eq!(*intensity, Vec3::splat(2.0));
+    assert!(close(*from_world * Vec3::Y, Vec3::NEG_Y), "the first row is on top");
+
+    std::fs::write(&path, "WorldBegin LightSource \"goniometric\" \"string filename\" \"wide.pfm\"")
+        .expect("writable");
+    let error = load(&path).expect_err("no square").to_string();
+    assert!(error.contains("4 x 2, expected a square"), "{error}");
+}
+
+#[test]
+fn subdivision_surfaces_are_divided() {
+    let scene = world(
+        "Shape \"loopsubdiv\" \"integer levels\" 2 \"integer indices\" [0 1 2 0 3 1 0 2 3 1 3 2]
+         \"point3 P\" [0 0 1 1 0 -.5 -1 1 -.5 -1 -1 -.5]",
+    );
+    let surface = mesh(shapes(&scene)[0]);
+    assert_eq!(surface.triangles.len(), 4 * 16);
+    assert_eq!(surface.normals.len(), surface.positions.len());
 }

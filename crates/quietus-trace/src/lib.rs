@@ -16,6 +16,7 @@ pub mod isa;
 mod light;
 pub mod material;
 pub mod medium;
+mod noise;
 pub mod sampler;
 pub mod scene;
 #[cfg(test)]

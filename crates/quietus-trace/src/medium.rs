@@ -1,9 +1,10 @@
-//! What lies between surfaces: homogeneous media that absorb, scatter and emit.
+//! What lies between surfaces: media that absorb, scatter and emit, the same everywhere or varying in a box.
 //!
 //! A path knows the medium it is in; where it crosses a border, the side it leaves to decides what comes next (no
 //! nesting, no priorities: as pbrt-v4 does). How far it flies is drawn per segment between two surfaces, all media
 //! on the way at once, see [`Flight`].
 
+mod field;
 mod flight;
 mod henyey_greenstein;
 #[cfg(test)]
@@ -12,10 +13,11 @@ mod tests;
 use glam::Vec3;
 
 use crate::desc::{self, MediumId, MediumInterface};
-pub(crate) use flight::{Flight, Passage};
+pub(crate) use field::{Chance, Field, Way};
+pub(crate) use flight::{Flight, Passage, Scattered};
 pub use henyey_greenstein::HenyeyGreenstein;
 
-/// A homogeneous medium, ready to be asked. Coefficients are per metre.
+/// A medium, ready to be asked. Coefficients are per metre.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Medium {
     /// Absorption and scattering together.
@@ -23,10 +25,17 @@ pub(crate) struct Medium {
     scattering: Vec3,
     /// Radiance emitted per metre.
     emission: Vec3,
+    /// The same over the absorption.
+    glow: Vec3,
     pub(crate) phase: HenyeyGreenstein,
     scatters: bool,
     emits: bool,
+    /// Which of the fields says how it varies, or [`SAME`].
+    field: u32,
 }
+
+/// Stands for "is the same everywhere" in [`Medium::field`].
+const SAME: u32 = u32::MAX;
 
 impl Medium {
     /// Compiles a medium whose numbers have been checked.
@@ -39,7 +48,28 @@ impl Medium {
             phase: HenyeyGreenstein::new(medium.g),
             scatters: medium.scattering != Vec3::ZERO,
             emits: emission != Vec3::ZERO,
+            glow: medium.emission,
+            field: SAME,
         }
+    }
+
+    /// Compiles all media, and the fields of those that vary.
+    pub(crate) fn all(media: &[desc::Medium]) -> (Vec<Self>, Vec<Field>) {
+        let mut fields = Vec::new();
+        let compiled = media.iter().map(|medium| {
+            let field = Field::new(medium).map_or(SAME, |field| {
+                fields.push(field);
+                fields.len() as u32 - 1
+            });
+            Self { field, ..Self::new(medium) }
+        });
+        (compiled.collect(), fields)
+    }
+
+    /// How it varies, if it does.
+    #[inline]
+    pub(crate) fn field<'a>(&self, fields: &'a [Field]) -> Option<&'a Field> {
+        fields.get(self.field as usize)
     }
 
     /// Share of light left after `distance`, which may be infinite.

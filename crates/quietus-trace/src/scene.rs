@@ -16,7 +16,7 @@ use crate::interaction::{Interaction, Placement, footprint, surface_point};
 use crate::isa::Isa;
 use crate::light::{AreaLight, Environment, Found, LightSample, Lights, Receiver};
 use crate::material::{MaterialError, MaterialTable};
-use crate::medium::{Border, Inside, Medium};
+use crate::medium::{Border, Field, Inside, Medium};
 use crate::texture::Footprint;
 
 /// Why a description cannot be drawn. Every message names the part by its index and, where it has one, its name.
@@ -70,6 +70,8 @@ pub struct Scene {
     pub(crate) materials: MaterialTable,
     pub(crate) lights: Lights,
     pub(crate) media: Vec<Medium>,
+    /// How those of them vary that do.
+    pub(crate) fields: Vec<Field>,
     /// Whether there are surfaces that are nothing but borders between media.
     has_borders: bool,
     instances: Vec<PlacedObject>,

@@ -209,8 +209,8 @@ impl<'d, 'f> Materials<'d, 'f> {
         if absorption == Vec3::ZERO {
             return Ok(None);
         }
-        let (scattering, emission, g) = (Vec3::ZERO, Vec3::ZERO, 0.0);
-        self.media.push(Medium { name: name.to_owned(), absorption, scattering, emission, g });
+        let (scattering, emission, g, variation) = (Vec3::ZERO, Vec3::ZERO, 0.0, None);
+        self.media.push(Medium { name: name.to_owned(), absorption, scattering, emission, g, variation });
         Ok(Some(MediumId(self.media.len() as u32 - 1)))
     }
 

@@ -262,6 +262,7 @@ impl Take<'_> {
             Light::Point { position, .. } => *position = at,
             Light::Directional { direction, .. } => *direction = to,
             Light::Spot { position, direction, .. } => (*position, *direction) = (at, to),
+            Light::Picture { position, .. } => *position = at,
         }
         self.scene.lights.push(light);
     }

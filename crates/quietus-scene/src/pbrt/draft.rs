@@ -33,7 +33,7 @@ pub(super) struct Draft {
     pub materials: Vec<Entity>,
     pub named_materials: HashMap<Box<str>, usize>,
     pub textures: Vec<TextureEntity>,
-    pub media: Vec<(Box<str>, Entity)>,
+    pub media: Vec<(Box<str>, Entity, Moving)>,
     pub lights: Vec<(Entity, Moving)>,
     /// The world first, then the definitions of objects.
     pub groups: Vec<Group>,

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use super::predecessor;
 use crate::error::{ErrorKind, SceneError, Warning};
 
 /// Where a token starts: the file's number, and line and column, both from 1. Columns count bytes.
@@ -149,7 +150,12 @@ fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
 }
 
 /// "unknown `what` `name`", with the nearest of `known`, or all of them where there are few.
+/// Things of pbrt-v3 are called so.
 pub(super) fn unknown(what: &str, name: &str, known: &[&str]) -> String {
+    if let Some(successor) = predecessor::successor(what, name) {
+        let what = what.trim_end_matches(':');
+        return format!("unknown {what} \"{name}\": it belongs to pbrt-v3, in pbrt-v4 it is {successor}");
+    }
     match nearest(name, known) {
         Some(candidate) => format!("unknown {what} \"{name}\", did you mean \"{candidate}\"?"),
         None if known.is_empty() => format!("unknown {what} \"{name}\", expected none"),

@@ -6,8 +6,10 @@
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
-use quietus_trace::desc::{Environment, EnvironmentLayout, Image, Light, SceneDesc, SpotFalloff, Texels};
+use glam::{DAffine3, DMat3, DVec3, Mat3, Vec2, Vec3};
+use quietus_trace::desc::{
+    Environment, EnvironmentLayout, Image, Light, PictureSpread, SceneDesc, SpotFalloff, Texels,
+};
 
 use super::draft::{AreaLight, Entity};
 use super::fault::{Context, Fault, Place, Result, unknown};
@@ -37,14 +39,24 @@ pub(super) fn area(entity: &Entity, context: &Context, images: &mut Requests) ->
 
 /// A light's picture. It takes the place of the colour.
 fn image(params: &Params, context: &Context, images: &mut Requests) -> Result<Option<ImageId>> {
-    let Some(name) = params.string("filename")? else { return Ok(None) };
     let place = params.place_of("filename");
-    if params.has("L") {
+    if params.has("filename") && params.has("L") {
         let message = format!("{} has both \"filename\" and \"L\", expected one of them", params.owner);
         return Err(Fault::invalid(place, message));
     }
-    let path = context.resolve(name);
-    Ok(Some(images.ask(path, Use::COLOR, &context.full_words(place))))
+    picture(params, Use::COLOR, context, images)
+}
+
+/// The picture that `filename` names.
+fn picture(
+    params: &Params,
+    wanted: Use,
+    context: &Context,
+    images: &mut Requests,
+) -> Result<Option<ImageId>> {
+    let Some(name) = params.string("filename")? else { return Ok(None) };
+    let place = context.full_words(params.place_of("filename"));
+    Ok(Some(images.ask(context.resolve(name), wanted, &place)))
 }
 
 fn scale(params: &Params) -> Result<f32> {
@@ -60,6 +72,7 @@ fn positive(params: &Params, name: &'static str) -> Result<Option<f32>> {
 #[derive(Debug, Default)]
 pub(super) struct Lights {
     pub lights: Vec<Light>,
+    projected: Vec<Projected>,
     skies: Vec<Sky>,
 }
 
@@ -95,8 +108,8 @@ impl Lights {
                 "distant" => lights.lights.push(distant(params, to_world, context)?),
                 "point" => lights.lights.push(point(params, to_world, context)?),
                 "spot" => lights.lights.push(spot(params, to_world, context)?),
-                "goniometric" => lights.lights.push(goniometric(params, to_world, context)?),
-                "projection" => lights.lights.push(projection(params, to_world, context)?),
+                "goniometric" => lights.shine(goniometric(params, to_world, context, images)?),
+                "projection" => lights.shine(projection(params, to_world, context, images)?),
                 kind => return Err(Fault::invalid(params.place, unknown("light", kind, &KINDS))),
             }
             params.finish()?;
@@ -104,9 +117,19 @@ impl Lights {
         Ok(lights)
     }
 
+    fn shine(&mut self, light: Shone) {
+        match light {
+            Shone::At(light) => self.lights.push(light),
+            Shone::Through(light) => self.projected.push(light),
+        }
+    }
+
     /// Puts the lights into `scene`. Several skies become one.
     pub(super) fn finish(self, images: &Images, context: &Context, scene: &mut SceneDesc) -> Result<()> {
         scene.lights = self.lights;
+        for light in &self.projected {
+            scene.lights.push(light.light(images)?);
+        }
         let (with_image, plain): (Vec<_>, Vec<_>) = self.skies.iter().partition(|sky| sky.image.is_some());
         let constant: Vec3 = plain.iter().map(|sky| sky.plain()).sum();
         if let Some(second) = with_image.get(1) {
@@ -268,24 +291,100 @@ fn spot(params: &Params, to_world: DAffine3, context: &Context) -> Result<Light>
     Ok(Light::Spot { position, direction, intensity, inner_angle, outer_angle, falloff })
 }
 
-/// Stands in for a light with a diagram of its intensities: a point light.
-fn goniometric(params: &Params, to_world: DAffine3, context: &Context) -> Result<Light> {
-    context.warn(params.place, "goniometric lights are not drawn; a point light stands in");
-    params.ignore(&["filename"]);
-    let position = to_world.translation.as_vec3();
-    Ok(Light::Point { position, intensity: intensity(params, 4.0 * PI, context)? })
+/// A light with a diagram of its intensities, and one that sends a picture.
+#[derive(Debug)]
+struct Projected {
+    image: ImageId,
+    /// Of a projector, the full angle of the shorter side, in radians.
+    fov: Option<f32>,
+    strength: Vec3,
+    power: Option<f32>,
+    to_world: DAffine3,
+    place: Place,
 }
 
-/// Stands in for a projector: a spot light about as wide.
-fn projection(params: &Params, to_world: DAffine3, context: &Context) -> Result<Light> {
-    context.warn(params.place, "projection lights are not drawn; a spot light stands in");
-    params.ignore(&["filename"]);
+fn goniometric(
+    params: &Params,
+    to_world: DAffine3,
+    context: &Context,
+    images: &mut Requests,
+) -> Result<Shone> {
+    let number = Use { number: true, ..Use::COLOR };
+    let Some(image) = picture(params, number, context, images)? else {
+        context.warn(params.place, "a goniometric light without \"filename\" shines to all sides alike");
+        let position = to_world.translation.as_vec3();
+        return Ok(Shone::At(Light::Point { position, intensity: intensity(params, 4.0 * PI, context)? }));
+    };
+    // The diagram's pole is y.
+    let axes = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
+    Ok(Shone::Through(Projected {
+        image,
+        fov: None,
+        strength: params.light("I", context)? * scale(params)?,
+        power: positive(params, "power")?,
+        to_world: to_world * DAffine3::from_mat3(axes),
+        place: params.place,
+    }))
+}
+
+fn projection(
+    params: &Params,
+    to_world: DAffine3,
+    context: &Context,
+    images: &mut Requests,
+) -> Result<Shone> {
+    let Some(image) = picture(params, Use::COLOR, context, images)? else {
+        let message = format!("{} has no \"string filename\"", params.owner);
+        return Err(Fault::invalid(params.place, message));
+    };
     let fov =
         params.float_where("fov", 90.0, |fov| fov > 0.0 && fov < 180.0, "an angle between 0 and 180")?;
-    let outer_angle = 0.5 * fov.to_radians();
-    let solid_angle = 2.0 * PI * (1.0 - outer_angle.cos());
-    let direction = to_world.transform_vector3(DVec3::Z).normalize().as_vec3();
-    let intensity = intensity(params, solid_angle, context)?;
-    let (position, falloff) = (to_world.translation.as_vec3(), SpotFalloff::Smooth);
-    Ok(Light::Spot { position, direction, intensity, inner_angle: outer_angle, outer_angle, falloff })
+    Ok(Shone::Through(Projected {
+        image,
+        fov: Some(fov.to_radians()),
+        strength: Vec3::splat(scale(params)?),
+        power: positive(params, "power")?,
+        // The first row of the picture is on top.
+        to_world: to_world * DAffine3::from_scale(DVec3::new(1.0, -1.0, 1.0)),
+        place: params.place,
+    }))
+}
+
+/// A light, or what becomes one with its picture.
+enum Shone {
+    At(Light),
+    Through(Projected),
+}
+
+impl Projected {
+    /// The light with its picture.
+    fn light(&self, images: &Images) -> Result<Light> {
+        let image = images.get(self.image);
+        let (width, height) = (image.width as f32, image.height as f32);
+        let spread = match self.fov {
+            Some(fov) => {
+                let size = Vec2::new(width, height);
+                PictureSpread::Window { half: size / size.min_element() * (0.5 * fov).tan() }
+            }
+            None if width == height => PictureSpread::AllAround,
+            None => {
+                let message = format!(
+                    "the diagram of the goniometric light is {width} x {height}, expected a square (equal-area)"
+                );
+                return Err(Fault::invalid(self.place, message));
+            }
+        };
+        let mut intensity = self.strength;
+        if let Some(power) = self.power {
+            let found = spread.power(image, |rgb| LUMINANCE.dot(rgb));
+            intensity *= if found > 0.0 { power / found } else { 0.0 };
+        }
+        Ok(Light::Picture {
+            position: self.to_world.translation.as_vec3(),
+            from_world: self.to_world.matrix3.inverse().as_mat3(),
+            intensity,
+            image: Arc::clone(image),
+            spread,
+        })
+    }
 }

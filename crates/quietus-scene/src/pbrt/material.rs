@@ -392,7 +392,8 @@ impl<'a, 'c> Materials<'a, 'c> {
         let reflectance = match self.textures.color_option(params, "reflectance", 1.0)? {
             Some(reflectance) => reflectance,
             None => {
-                let [absorption, scattering] = medium::preset(params.string("name")?, params, self.context);
+                let [absorption, scattering] = medium::preset(params.string("name")?, params, self.context)
+                    .unwrap_or(medium::WHOLE_MILK);
                 let factor = |name, default| -> Result<Vec3> {
                     let color = self.textures.color(params, name, default, f32::INFINITY)?;
                     Ok(color.factor)

@@ -17,6 +17,7 @@ mod curve;
 mod draft;
 mod fault;
 mod film;
+mod grid;
 mod images;
 mod lexer;
 mod light;
@@ -26,8 +27,10 @@ mod meshes;
 mod params;
 mod parser;
 mod placing;
+mod predecessor;
 mod shape;
 mod spectrum;
+mod subdivision;
 mod texture;
 mod transform;
 

@@ -85,7 +85,8 @@ pub(super) struct Param {
 }
 
 impl Param {
-    fn numbers(&self) -> &[f32] {
+    /// Its numbers, if it has some.
+    pub(super) fn numbers(&self) -> &[f32] {
         match &self.values {
             Values::Numbers(numbers) => numbers,
             _ => &[],

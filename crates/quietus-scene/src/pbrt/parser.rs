@@ -434,10 +434,10 @@ impl<'c> Parser<'c> {
             Some(kind) => kind.into(),
             None => return Err(Fault::invalid(place, format!("medium \"{name}\" has no \"string type\""))),
         };
-        if self.draft.media.iter().any(|(other, _)| **other == *name) {
+        if self.draft.media.iter().any(|(other, ..)| **other == *name) {
             return Err(Fault::invalid(place, format!("medium \"{name}\" is made twice")));
         }
-        self.draft.media.push((name.into(), Entity { kind, params }));
+        self.draft.media.push((name.into(), Entity { kind, params }, self.state.to_world));
         Ok(())
     }
 

@@ -9,6 +9,7 @@ use super::curve;
 use super::draft::{Alpha, Entity, Files, Form, Shape, Style};
 use super::fault::{Context, Fault, Result, unknown};
 use super::params::{Kind, Params, Values};
+use super::subdivision::Surface;
 use super::transform::Moving;
 
 /// Every type of shape.
@@ -29,7 +30,7 @@ pub(super) fn read(
         "disk" => Some(Form::Quadric(disk(params)?)),
         "cylinder" => Some(Form::Quadric(cylinder(params)?)),
         "trianglemesh" => Some(Form::Mesh(triangle_mesh(params, context)?)),
-        "loopsubdiv" => Some(Form::Mesh(control_mesh(params, context)?)),
+        "loopsubdiv" => Some(Form::Mesh(subdivided(params)?)),
         "bilinearmesh" => Some(Form::Patches(patches(params, context)?)),
         "plymesh" => Some(Form::Ply(ply_mesh(params, context, ply)?)),
         "curve" => curve::read(params, context)?.map(Form::Curves),
@@ -170,13 +171,25 @@ fn triangle_mesh(params: &Params, context: &Context) -> Result<Mesh> {
     Ok(Mesh { positions, triangles, normals, uvs: [uvs, Vec::new()], ..Mesh::default() })
 }
 
-/// A subdivision surface's control mesh, in place of its limit surface.
-fn control_mesh(params: &Params, context: &Context) -> Result<Mesh> {
-    context.warn(params.place, "loopsubdiv is not subdivided: its control mesh is drawn");
-    params.ignore(&["levels", "scheme"]);
-    let Vertices { positions, normals, uvs } = vertices(params)?;
+/// The limit of a subdivision surface, at the corners of what its triangles are divided into.
+fn subdivided(params: &Params) -> Result<Mesh> {
+    let levels = params.integer_from("levels", 0)?.unwrap_or(3);
+    let positions = params.vec3s("P", Kind::Point3)?;
+    if positions.is_empty() {
+        return Err(Fault::invalid(params.place, format!("{} has no \"point3 P\"", params.owner)));
+    }
     let triangles = faces::<3>(params, positions.len())?;
-    Ok(Mesh { positions, triangles, normals, uvs: [uvs, Vec::new()], ..Mesh::default() })
+    params.choice("scheme", &["loop"])?;
+    let mut surface = Surface { positions, triangles };
+    if !surface.fits(levels) {
+        let message = format!("{levels} divisions of {} triangles are too many", surface.triangles.len());
+        return Err(Fault::unsupported(params.place_of("levels"), message));
+    }
+    for _ in 0..levels {
+        surface = surface.divided();
+    }
+    let (positions, normals) = surface.limit();
+    Ok(Mesh { positions, triangles: surface.triangles, normals, ..Mesh::default() })
 }
 
 fn patches(params: &Params, context: &Context) -> Result<PatchMesh> {

@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use glam::{Affine2, Affine3A, DAffine3, DVec3, Vec2, Vec3};
 use quietus_trace::desc::{
-    ColorParam, Image, ImageTexture, Mapping, ScalarParam, TexelFilter, Texels, Texture, TextureId, Wrap,
+    ColorParam, Image, ImageTexture, Mapping, NoisePattern, ScalarParam, TexelFilter, Texels, Texture,
+    TextureId, Wrap,
 };
 
 use super::draft::TextureEntity;
@@ -229,6 +230,10 @@ impl<'c> Textures<'c> {
                 let (id, factor) = self.image_map(texture)?;
                 Ok(ScalarParam { factor, texture: Some((id, 0)) })
             }
+            "bilerp" | "directionmix" | "dots" | "fbm" | "marble" | "windy" | "wrinkled" => {
+                let pattern = self.pattern(texture)?;
+                Ok(self.scalar(pattern))
+            }
             _ => self.stand_in(texture).map(|color| ScalarParam::constant(color.x)),
         }
     }
@@ -269,6 +274,10 @@ impl<'c> Textures<'c> {
             "imagemap" => {
                 let (id, factor) = self.image_map(texture)?;
                 Ok(ColorParam { factor: Vec3::splat(factor), texture: Some(id) })
+            }
+            "bilerp" | "directionmix" | "dots" | "fbm" | "marble" | "windy" | "wrinkled" => {
+                let pattern = self.pattern(texture)?;
+                Ok(self.colored(pattern))
             }
             _ => self.stand_in(texture).map(ColorParam::constant),
         }
@@ -321,47 +330,73 @@ impl<'c> Textures<'c> {
         })
     }
 
-    /// A constant for textures that are not drawn: about what they show on average.
+    /// A pattern without a picture.
+    fn pattern(&self, texture: &TextureEntity) -> Result<Texture> {
+        let params = &texture.entity.params;
+        let pair = |names: [&'static str; 2], defaults: [f32; 2]| -> Result<[ColorParam; 2]> {
+            let read = |name, default| match texture.color {
+                true => self.color(params, name, Vec3::splat(default), f32::INFINITY),
+                false => self.number(params, name, default).map(as_color),
+            };
+            Ok([read(names[0], defaults[0])?, read(names[1], defaults[1])?])
+        };
+        let octaves = || -> Result<(u32, f32)> {
+            Ok((params.integer_from("octaves", 0)?.unwrap_or(8), params.float("roughness", 0.5)?))
+        };
+        let pattern = match &*texture.entity.kind {
+            "bilerp" => {
+                let corner = |name, default: f32| -> Result<Vec3> {
+                    if texture.color {
+                        let spectrum = params.spectrum(name, self.context)?;
+                        return Ok(spectrum.map_or(Vec3::splat(default), |spectrum| spectrum.factor()));
+                    }
+                    params.float(name, default).map(Vec3::splat)
+                };
+                let colors =
+                    [corner("v00", 0.0)?, corner("v10", 0.0)?, corner("v01", 1.0)?, corner("v11", 1.0)?];
+                return Ok(Texture::Corners { mapping: mapping(texture)?, colors });
+            }
+            "dots" => {
+                let colors = pair(["inside", "outside"], [1.0, 0.0])?;
+                return Ok(Texture::Dots { mapping: mapping(texture)?, colors });
+            }
+            "directionmix" => {
+                let direction = params.vec3("dir", Kind::Vector3, Vec3::Y)?.as_dvec3();
+                let direction = texture.to_world.0[0].transform_vector3(direction).try_normalize();
+                let direction = direction.ok_or_else(|| {
+                    Fault::invalid(params.place_of("dir"), "\"dir\" of texture \"directionmix\" has length 0")
+                })?;
+                let colors = pair(["tex1", "tex2"], [0.0, 1.0])?;
+                return Ok(Texture::Facing { direction: direction.as_vec3(), colors });
+            }
+            "fbm" => {
+                let (octaves, roughness) = octaves()?;
+                NoisePattern::Brownian { octaves, roughness }
+            }
+            "wrinkled" => {
+                let (octaves, roughness) = octaves()?;
+                NoisePattern::Wrinkled { octaves, roughness }
+            }
+            "marble" => {
+                let (octaves, roughness) = octaves()?;
+                let (scale, variation) = (params.float("scale", 1.0)?, params.float("variation", 0.2)?);
+                NoisePattern::Marble { octaves, roughness, scale, variation }
+            }
+            _ => NoisePattern::Windy,
+        };
+        Ok(Texture::Noise { from_world: single(from_world(texture)), pattern })
+    }
+
+    /// A constant for textures that are not drawn.
     fn stand_in(&self, texture: &TextureEntity) -> Result<Vec3> {
         let params = &texture.entity.params;
         let kind = &*texture.entity.kind;
-        let mean = |names: &[(&'static str, f32)]| -> Result<Vec3> {
-            let mut sum = Vec3::ZERO;
-            for &(name, default) in names {
-                // What is textured itself counts by its factor.
-                sum += match texture.color {
-                    true => self.color(params, name, Vec3::splat(default), f32::INFINITY)?.factor,
-                    false => Vec3::splat(self.number(params, name, default)?.factor),
-                };
-            }
-            Ok(sum / names.len() as f32)
-        };
-        let value = match kind {
-            "bilerp" => mean(&[("v00", 0.0), ("v01", 1.0), ("v10", 0.0), ("v11", 1.0)])?,
-            "directionmix" => mean(&[("tex1", 0.0), ("tex2", 1.0)])?,
-            "dots" => mean(&[("inside", 1.0), ("outside", 0.0)])?,
-            "marble" | "ptex" | "fbm" | "windy" | "wrinkled" => Vec3::splat(0.5),
-            _ => return Err(Fault::invalid(params.place, unknown("texture", kind, &KINDS))),
-        };
-        let message = format!("texture \"{kind}\" is not drawn; its mean colour stands in");
-        self.context.warn(params.place, message);
-        params.ignore(&[
-            "dir",
-            "encoding",
-            "filename",
-            "mapping",
-            "octaves",
-            "roughness",
-            "scale",
-            "udelta",
-            "uscale",
-            "v1",
-            "v2",
-            "variation",
-            "vdelta",
-            "vscale",
-        ]);
-        Ok(value)
+        if kind != "ptex" {
+            return Err(Fault::invalid(params.place, unknown("texture", kind, &KINDS)));
+        }
+        self.context.warn(params.place, "texture \"ptex\" is not drawn; a grey stands in");
+        params.ignore(&["encoding", "filename", "scale"]);
+        Ok(Vec3::splat(0.5))
     }
 }
 

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 
-use super::Image;
+use super::{Image, Variation};
 
 /// A light without a surface.
 #[derive(Clone, Debug)]
@@ -37,6 +37,31 @@ pub enum Light {
         direction: Vec3,
         /// Irradiance on a surface facing it.
         irradiance: Vec3,
+    },
+    /// A picture that shines from a point.
+    Picture {
+        /// Where it stands.
+        position: Vec3,
+        /// From directions in the world to those of the picture's space.
+        from_world: Mat3,
+        /// Multiplies the picture, which is radiant intensity.
+        intensity: Vec3,
+        /// The picture, looked up texel by texel.
+        image: Arc<Image>,
+        /// Where it goes.
+        spread: PictureSpread,
+    },
+}
+
+/// Which directions the texels of [`Light::Picture`] belong to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PictureSpread {
+    /// All of them, laid out as [`EnvironmentLayout::EqualArea`].
+    AllAround,
+    /// Those through a window at z = 1 around the z axis. Columns go towards +x, rows towards +y.
+    Window {
+        /// Half its width and height.
+        half: Vec2,
     },
 }
 
@@ -73,7 +98,7 @@ pub struct Environment {
     pub to_world: Mat3,
 }
 
-/// A homogeneous medium. Coefficients are per metre.
+/// A medium, the same everywhere unless it varies. Coefficients are per metre.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
     /// For messages and `quietus info`.
@@ -86,4 +111,6 @@ pub struct Medium {
     pub emission: Vec3,
     /// Henyey-Greenstein asymmetry, in -1..1.
     pub g: f32,
+    /// How it differs from place to place, if it does.
+    pub variation: Option<Arc<Variation>>,
 }

@@ -9,19 +9,21 @@ mod geometry;
 mod light;
 mod material;
 mod texture;
+mod volume;
 
 pub use camera::{Camera, FrameAxis, PictureDefaults, Projection};
 pub use geometry::{
     CurveKind, CurveSegment, Curves, Geometry, Instance, MediumInterface, Mesh, Object, PatchMesh, Quadric,
     Shape,
 };
-pub use light::{Environment, EnvironmentLayout, Light, Medium, SpotFalloff};
+pub use light::{Environment, EnvironmentLayout, Light, Medium, PictureSpread, SpotFalloff};
 pub use material::{
     Alpha, Anisotropy, Coat, Hair, HairColor, Material, Metal, MetalRough, Roughness, RoughnessScale, Surface,
 };
 pub use texture::{
-    ColorParam, Image, ImageTexture, Mapping, ScalarParam, TexelFilter, Texels, Texture, Wrap,
+    ColorParam, Image, ImageTexture, Mapping, NoisePattern, ScalarParam, TexelFilter, Texels, Texture, Wrap,
 };
+pub use volume::{Density, Glow, Grid, Variation};
 
 /// A whole scene.
 #[derive(Clone, Debug, Default)]

@@ -86,6 +86,67 @@ pub enum Texture {
         /// How much there is of the second, in 0..1.
         amount: ScalarParam,
     },
+    /// Bilinear between four colours.
+    Corners {
+        /// Where they lie.
+        mapping: Mapping,
+        /// At (0, 0), (1, 0), (0, 1) and (1, 1).
+        colors: [Vec3; 4],
+    },
+    /// Dots of radius 0.35, in about two fifths of the unit cells of the mapping.
+    Dots {
+        /// Where the cells lie.
+        mapping: Mapping,
+        /// In a dot, and between them.
+        colors: [ColorParam; 2],
+    },
+    /// Noise; numbers fill all channels.
+    Noise {
+        /// From the world to texture space.
+        from_world: Affine3A,
+        /// What is made of it.
+        pattern: NoisePattern,
+    },
+    /// `c * colors[0] + (1 - c) * colors[1]` for the magnitude c of the cosine between normal and direction.
+    Facing {
+        /// Of unit length, in the world.
+        direction: Vec3,
+        /// What is mixed.
+        colors: [ColorParam; 2],
+    },
+}
+
+/// What [`Texture::Noise`] makes of gradient noise. Octaves are each about twice as fine as the one before and have
+/// `roughness` times its strength.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NoisePattern {
+    /// Their sum, above and below 0.
+    Brownian {
+        /// How many.
+        octaves: u32,
+        /// Strength from one to the next.
+        roughness: f32,
+    },
+    /// The sum of their magnitudes.
+    Wrinkled {
+        /// How many.
+        octaves: u32,
+        /// Strength from one to the next.
+        roughness: f32,
+    },
+    /// Waves where wind blows.
+    Windy,
+    /// Greyish stone in layers along y.
+    Marble {
+        /// How many.
+        octaves: u32,
+        /// Strength from one to the next.
+        roughness: f32,
+        /// Multiplies the point first.
+        scale: f32,
+        /// How much layers are bent.
+        variation: f32,
+    },
 }
 
 /// From a point on a surface to texture coordinates.

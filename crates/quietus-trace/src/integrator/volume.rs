@@ -10,7 +10,8 @@ use crate::bvh::{Hit, Ray};
 use crate::interaction::Interaction;
 use crate::isa::{Isa, Job};
 use crate::light::{LightSample, Receiver};
-use crate::medium::{Flight, Inside, Medium, Passage};
+use crate::medium::{Chance, Flight, Inside, Medium, Passage, Scattered, Way};
+use crate::sampler::mix64;
 use crate::tile::TileCounts;
 
 /// Borders a segment may cross. Far more than any scene has; what is beyond is lost, so that a path always ends.
@@ -49,14 +50,12 @@ impl<J: Isa> Job for Travel<'_, '_, J> {
             let filter = |hit: &Hit| scene.is_border(hit) || path.covers(hit, &ray, 2 * depth);
             let hit = scene.accel.closest(path.isa, &ray, filter);
             let length = hit.map_or(f32::INFINITY, |hit| hit.t);
-            if let Some(medium) = path.inside.of(&scene.media) {
-                let emitted = path.throughput * flight.passage.weight() * medium.emitted(length);
-                path.add(emitted, depth - 1);
-                if let Some(scattered) = flight.fly(medium, length) {
-                    path.throughput *= scattered.weight;
-                    path.origin += scattered.distance * path.direction;
-                    return Arrival::Scattered(*medium, travelled + scattered.distance);
-                }
+            if let Some(medium) = path.inside.of(&scene.media)
+                && let Some(scattered) = path.fly(medium, &mut flight, length, depth)
+            {
+                path.throughput *= scattered.weight;
+                path.origin += scattered.distance * path.direction;
+                return Arrival::Scattered(*medium, travelled + scattered.distance);
             }
             travelled += length;
             let Some(hit) = hit else {
@@ -120,6 +119,26 @@ pub(super) struct Connection {
 }
 
 impl<I: Isa> Path<'_, I> {
+    /// Flies through a medium for `length`, and adds what it emits on the way.
+    #[inline(always)]
+    fn fly(&mut self, medium: &Medium, flight: &mut Flight, length: f32, depth: u32) -> Option<Scattered> {
+        let Some(field) = medium.field(&self.scene.fields) else {
+            let emitted = self.throughput * flight.passage.weight() * medium.emitted(length);
+            self.add(emitted, depth - 1);
+            return flight.fly(medium, length);
+        };
+        let way = Way { origin: self.origin, direction: self.direction, length };
+        let mut chance = self.chance(2 * depth, &way);
+        let carried = self.throughput;
+        field.fly(medium, flight, &way, &mut chance, |emitted| self.add(carried * emitted, depth - 1))
+    }
+
+    /// Random numbers of a way, which belongs to the segment `salt`: every way has its own.
+    fn chance(&self, salt: u32, way: &Way) -> Chance {
+        let place = u64::from(way.length.to_bits()) << 32 | u64::from(way.origin.x.to_bits());
+        Chance::new(mix64(self.coverage_key ^ u64::from(salt)) ^ place)
+    }
+
     /// Multiplies in a flight that was not scattered: into the density too, which counts the survivors.
     #[inline(always)]
     fn arrive(&mut self, passage: &Passage) {
@@ -146,7 +165,7 @@ impl<I: Isa> Path<'_, I> {
         if self.scene.accel.occluded(self.isa, ray, |hit| self.covers(hit, ray, 2 * depth + 1)) {
             return true;
         }
-        let passage = self.passage(ray, *inside, *carried);
+        let passage = self.passage(ray, *inside, *carried, depth);
         let weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, pdf * passage.probability()) };
         self.add(contribution * passage.transmittance() * (weight / light.pdf), depth);
         true
@@ -154,7 +173,7 @@ impl<I: Isa> Path<'_, I> {
 
     /// What happens to light on a ray on which no surface is in the way.
     #[inline(always)]
-    fn passage(&self, ray: &Ray, mut inside: Inside, carried: Vec3) -> Passage {
+    fn passage(&self, ray: &Ray, mut inside: Inside, carried: Vec3, depth: u32) -> Passage {
         let scene = self.scene;
         let mut passage = Passage::new(carried);
         let scale = ray.direction.length();
@@ -167,7 +186,13 @@ impl<I: Isa> Path<'_, I> {
                 None
             };
             if let Some(medium) = inside.of(&scene.media) {
-                passage.pass(medium, hit.map_or(ray.t_max, |hit| hit.t));
+                let length = hit.map_or(ray.t_max, |hit| hit.t);
+                if let Some(field) = medium.field(&scene.fields) {
+                    let way = Way { origin: ray.origin, direction: ray.direction, length };
+                    field.pass(medium, &mut passage, &way, &mut self.chance(2 * depth + 1, &way));
+                } else {
+                    passage.pass(medium, length);
+                }
             }
             let Some(hit) = hit else { break };
             let surface = scene.interaction(&hit, &ray);

@@ -182,7 +182,7 @@ fn lat_long_direction(point: Vec2) -> (Vec3, f32) {
 ///
 /// The octahedron |x| + |y| + |z| = 1 unfolded around +z, with radii stretched so that areas stay equal.
 #[inline]
-fn equal_area_place(direction: Vec3) -> Vec2 {
+pub(super) fn equal_area_place(direction: Vec3) -> Vec2 {
     let [x, y] = [direction.x.abs(), direction.y.abs()];
     // sqrt(1 - |z|), without cancellation near the poles.
     let planar2 = x * x + y * y;

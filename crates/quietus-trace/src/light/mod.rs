@@ -9,6 +9,7 @@ mod bounds;
 mod build;
 mod distribution;
 mod environment;
+mod picture;
 mod punctual;
 mod select;
 mod sphere;

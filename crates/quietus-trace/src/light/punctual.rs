@@ -1,8 +1,9 @@
-//! Lights without extent: point, spot and directional. Only next-event estimation can find them.
+//! Lights without extent: point, spot, directional, and pictures. Only next-event estimation can find them.
 
 use glam::Vec3;
 
 use super::bounds::LightBounds;
+use super::picture::PictureLight;
 use super::{LightSample, luminance};
 use crate::bvh::Bounds;
 use crate::desc::{self, SpotFalloff};
@@ -11,7 +12,7 @@ use crate::desc::{self, SpotFalloff};
 const SPOT_MARGIN: f32 = 1e-3;
 
 /// A light without extent, ready to be sampled.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) enum PunctualLight {
     Point {
         position: Vec3,
@@ -29,6 +30,7 @@ pub(crate) enum PunctualLight {
         to_light: Vec3,
         irradiance: Vec3,
     },
+    Picture(Box<PictureLight>),
 }
 
 impl PunctualLight {
@@ -49,6 +51,9 @@ impl PunctualLight {
             }
             desc::Light::Directional { direction, irradiance } => {
                 Self::Directional { to_light: -direction, irradiance }
+            }
+            desc::Light::Picture { position, from_world, intensity, ref image, spread } => {
+                Self::Picture(Box::new(PictureLight::new(position, from_world, intensity, image, spread)))
             }
         }
     }
@@ -72,6 +77,7 @@ impl PunctualLight {
                 TAU * luminance(intensity) * (1.0 - cos_outer - missing / inverse_range).max(0.0)
             }
             Self::Directional { irradiance, .. } => luminance(irradiance),
+            Self::Picture(ref picture) => picture.power,
         }
     }
 
@@ -92,6 +98,7 @@ impl PunctualLight {
             Self::Point { position, .. } | Self::Directional { to_light: position, .. } => {
                 LightBounds::omnidirectional(Bounds { min: position, max: position }, power)
             }
+            Self::Picture(ref picture) => picture.bounds(),
         }
     }
 
@@ -115,6 +122,7 @@ impl PunctualLight {
                 };
                 (position, intensity * share)
             }
+            Self::Picture(ref picture) => (picture.position, picture.intensity(from - picture.position)),
         };
         let to_light = position - from;
         let distance2 = to_light.length_squared();

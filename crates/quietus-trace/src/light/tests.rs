@@ -1,5 +1,6 @@
 //! Every light sampler against its density, and the density of a chosen point against that of the same point hit.
 
+mod picture;
 mod surface;
 mod tree;
 

@@ -20,6 +20,10 @@ pub(crate) struct Passage {
     survival: Vec3,
     /// Share of light that has come so far.
     transmittance: Vec3,
+    /// Estimate of the same for media that vary, times how much more likely the flight was than this.
+    estimate: Vec3,
+    /// About the probability, per channel, of having come so far through those that vary.
+    expected: Vec3,
 }
 
 impl Passage {
@@ -30,7 +34,7 @@ impl Passage {
         let total = carried.element_sum();
         let sound = total > 0.0 && total.is_finite();
         let survival = if sound { carried / total } else { Vec3::splat(1.0 / 3.0) };
-        Self { survival, transmittance: Vec3::ONE }
+        Self { survival, transmittance: Vec3::ONE, estimate: Vec3::ONE, expected: Vec3::ONE }
     }
 
     /// Passes through a medium for `distance`, which may be infinite.
@@ -43,23 +47,53 @@ impl Passage {
         }
     }
 
+    /// Multiplies in what an encounter with a medium that varies has left.
+    #[inline]
+    pub(super) fn encounter(&mut self, left: Vec3) {
+        self.estimate *= left;
+    }
+
+    /// Takes note of having passed a medium that varies, of about this optical thickness.
+    #[inline]
+    pub(super) fn expect(&mut self, medium: &Medium, thickness: Vec3) {
+        if medium.scatters {
+            self.expected *= (-thickness).map(f32::exp);
+        }
+    }
+
+    /// Whether nothing is left.
+    #[inline]
+    pub(super) fn is_dark(&self) -> bool {
+        // Also where it has become so large that something has overflowed.
+        !(self.estimate.max_element() > 0.0 && self.estimate.is_finite())
+    }
+
+    /// About how the light that is left is spread over the channels; sums up to 1.
+    #[inline]
+    pub(super) fn share(&self) -> Vec3 {
+        let share = self.survival * self.estimate;
+        let total = share.element_sum();
+        if total > 0.0 && total.is_finite() { share / total } else { Vec3::splat(1.0 / 3.0) }
+    }
+
     /// Share of light that has come so far.
     #[inline]
     pub(crate) fn transmittance(&self) -> Vec3 {
-        self.transmittance
+        self.transmittance * self.estimate
     }
 
-    /// The probability that a flight comes so far.
+    /// The probability that a flight comes so far. Through media that vary it is only about that, but the same
+    /// whoever asks.
     #[inline]
     pub(crate) fn probability(&self) -> f32 {
-        self.survival.element_sum()
+        (self.survival * self.expected).element_sum()
     }
 
     /// What a flight that has come so far is to be multiplied by.
     #[inline]
     pub(crate) fn weight(&self) -> Vec3 {
-        let probability = self.probability();
-        if probability > 0.0 { self.transmittance / probability } else { Vec3::ZERO }
+        let probability = self.survival.element_sum();
+        if probability > 0.0 { self.transmittance * self.estimate / probability } else { Vec3::ZERO }
     }
 }
 
@@ -69,8 +103,8 @@ pub(crate) struct Flight {
     pub(crate) passage: Passage,
     /// The channel that draws.
     channel: usize,
-    /// Optical depth that is left in that channel.
-    depth: f32,
+    /// Optical depth that is left: in that channel, or in the majorants of a medium that varies.
+    pub(super) depth: f32,
 }
 
 /// Light scatters.
@@ -113,7 +147,7 @@ impl Flight {
         if free < distance {
             let passed = medium.transmittance(free);
             let density = (self.passage.survival * passed).dot(medium.extinction);
-            let weight = self.passage.transmittance * passed * medium.scattering / density;
+            let weight = self.passage.transmittance() * passed * medium.scattering / density;
             // Underflow: so little light that nobody will miss it.
             let weight = if weight.is_finite() { weight } else { Vec3::ZERO };
             return Some(Scattered { distance: free, weight });

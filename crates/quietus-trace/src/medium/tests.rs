@@ -13,6 +13,7 @@ fn medium(absorption: Vec3, scattering: Vec3) -> Medium {
         scattering,
         emission: Vec3::new(1.0, 2.0, 3.0),
         g: 0.0,
+        variation: None,
     })
 }
 

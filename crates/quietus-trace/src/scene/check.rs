@@ -4,8 +4,8 @@ use glam::{Mat3, Vec3};
 
 use super::SceneBuildError as Error;
 use crate::desc::{
-    CurveKind, Curves, Environment, EnvironmentLayout, Geometry, Image, Instance, Light, Medium,
-    MediumInterface, Mesh, PatchMesh, Quadric, SceneDesc, Texels,
+    CurveKind, Curves, Density, Environment, EnvironmentLayout, Geometry, Glow, Grid, Image, Instance, Light,
+    Medium, MediumInterface, Mesh, PatchMesh, PictureSpread, Quadric, SceneDesc, Texels, Variation,
 };
 use crate::geometry::motion::Motion;
 
@@ -214,7 +214,54 @@ fn medium(place: Place, medium: &Medium) -> Result<(), Error> {
     for (what, c) in coefficients {
         value(place, what, c, c.is_finite() && c.min_element() >= 0.0, "at least 0, finite")?;
     }
-    value(place, "asymmetry", medium.g, (-1.0..=1.0).contains(&medium.g), "a number in -1..1")
+    value(place, "asymmetry", medium.g, (-1.0..=1.0).contains(&medium.g), "a number in -1..1")?;
+    medium.variation.as_ref().map_or(Ok(()), |variation| self::variation(place, variation))
+}
+
+fn variation(place: Place, variation: &Variation) -> Result<(), Error> {
+    let space = variation.from_world;
+    let sound = space.is_finite() && space.inverse().is_finite();
+    value(place, "transform", space, sound, "an invertible matrix of finite numbers")?;
+    let number = |value: &f32| value.is_finite() && *value >= 0.0;
+    let color = |value: &Vec3| value.is_finite() && value.min_element() >= 0.0;
+    match &variation.density {
+        Density::Grid(grid) => self::grid(place, grid, number)?,
+        Density::Colors { absorption, scattering } => {
+            [absorption, scattering].into_iter().flatten().try_for_each(|c| grid(place, c, color))?;
+        }
+        Density::Cloud { density, wispiness, frequency, to_cloud } => {
+            for (what, found) in [("density", density), ("wispiness", wispiness), ("frequency", frequency)] {
+                value(place, what, found, number(found), "at least 0, finite")?;
+            }
+            value(place, "transform of the cloud", to_cloud, to_cloud.is_finite(), "finite numbers")?;
+        }
+    }
+    match &variation.glow {
+        None => Ok(()),
+        Some(Glow::Grid(grid)) => self::grid(place, grid, number),
+        Some(Glow::Colors(grid)) => self::grid(place, grid, color),
+        Some(Glow::Heat { temperature, scale, colors, hottest }) => {
+            grid(place, temperature, number)?;
+            scale.as_ref().map_or(Ok(()), |scale| grid(place, scale, number))?;
+            let sound = colors.len() >= 2 && colors.iter().all(color);
+            value(place, "number of colours", colors.len(), sound, "2 or more, all at least 0, finite")?;
+            let sound = *hottest > 0.0 && hottest.is_finite();
+            value(place, "hottest temperature", hottest, sound, "above 0, finite")
+        }
+    }
+}
+
+fn grid<T>(place: Place, grid: &Grid<T>, sound: impl Fn(&T) -> bool) -> Result<(), Error> {
+    let [x, y, z] = grid.size;
+    let size = format!("{x}x{y}x{z}");
+    value(place, "size of the grid", size, (1..1 << 24).contains(&x.min(y).min(z)), "1x1x1 or more")?;
+    let expected = (x as usize).checked_mul(y as usize).and_then(|xy| xy.checked_mul(z as usize));
+    let (found, what) = (grid.values.len(), "values in the grid");
+    if expected != Some(found) {
+        return Err(Error::Length { place: place(), what, found, expected: expected.unwrap_or(usize::MAX) });
+    }
+    let all = grid.values.iter().all(sound);
+    value(place, "a value of the grid", "something else", all, "finite numbers of at least 0")
 }
 
 fn light(place: Place, light: &Light) -> Result<(), Error> {
@@ -232,6 +279,16 @@ fn light(place: Place, light: &Light) -> Result<(), Error> {
             angle("outer angle", outer_angle, (0.0..=std::f32::consts::PI).contains(&outer_angle))?;
             angle("inner angle", inner_angle, (0.0..=outer_angle).contains(&inner_angle))
         }
+        Light::Picture { position, from_world, intensity, ref image, spread } => {
+            point(position).and(color("intensity", intensity))?;
+            let sound = from_world.is_finite() && from_world.inverse().is_finite();
+            value(place, "transform", from_world, sound, "an invertible matrix of finite numbers")?;
+            if let PictureSpread::Window { half } = spread {
+                let sound = half.is_finite() && half.min_element() > 0.0;
+                value(place, "half window", half, sound, "above 0, finite")?;
+            }
+            map("picture of a light", image)
+        }
     }
 }
 
@@ -248,11 +305,11 @@ fn environment(environment: &Environment) -> Result<(), Error> {
     let size = || format!("{}x{}", image.width, image.height);
     let place = || format!("environment map \"{}\"", image.name);
     value(&place, "size", size(), square, "a square, for the equal-area layout")?;
-    map(image)
+    map("environment map", image)
 }
 
-fn map(image: &Image) -> Result<(), Error> {
-    let place = || format!("environment map \"{}\"", image.name);
+fn map(what: &str, image: &Image) -> Result<(), Error> {
+    let place = || format!("{what} \"{}\"", image.name);
     let expected = image.width as usize * image.height as usize;
     let found = match &image.texels {
         Texels::Srgb8(texels) | Texels::Linear8(texels) => texels.len(),

@@ -46,7 +46,19 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
     let lights = Lights::new(emitters, &desc.lights, desc.environment.as_ref());
     let accel = Accel::build(&desc.objects, &desc.instances, |material| materials.is_opaque(material));
     let moves = !motions.is_empty() || shapes.iter().any(|shape| is_deforming(&shape.geometry));
-    let media = desc.media.iter().map(Medium::new).collect();
+    let (media, fields) = Medium::all(&desc.media);
     let has_borders = shapes.iter().any(|shape| shape.only_border);
-    Scene { accel, materials, lights, media, has_borders, instances, shapes, first_lights, motions, moves }
+    Scene {
+        accel,
+        materials,
+        lights,
+        media,
+        fields,
+        has_borders,
+        instances,
+        shapes,
+        first_lights,
+        motions,
+        moves,
+    }
 }

@@ -2,6 +2,7 @@
 
 mod image;
 mod mapping;
+mod pattern;
 mod pyramid;
 #[cfg(test)]
 mod tests;
@@ -9,11 +10,13 @@ mod tests;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Affine3A, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::desc::{ColorParam, Image, Mapping, ScalarParam, TexelFilter, Texels, Texture, TextureId};
+use crate::desc::{
+    ColorParam, Image, Mapping, NoisePattern, ScalarParam, TexelFilter, Texels, Texture, TextureId,
+};
 use image::FilteredImage;
 pub use image::srgb_to_linear;
 use pyramid::Pyramid;
@@ -77,9 +80,36 @@ pub struct TextureTable {
 enum Node {
     Constant(Vec4),
     Image(FilteredImage),
-    Checkerboard { mapping: Mapping, colors: [ColorParam; 2] },
-    Scale { color: ColorParam, scale: ScalarParam },
-    Mix { colors: [ColorParam; 2], amount: ScalarParam },
+    Checkerboard {
+        mapping: Mapping,
+        colors: [ColorParam; 2],
+    },
+    Scale {
+        color: ColorParam,
+        scale: ScalarParam,
+    },
+    Mix {
+        colors: [ColorParam; 2],
+        amount: ScalarParam,
+    },
+    Corners {
+        mapping: Mapping,
+        colors: [Vec3; 4],
+    },
+    Dots {
+        mapping: Mapping,
+        colors: [ColorParam; 2],
+    },
+    /// The last says whether footprints count.
+    Noise {
+        from_world: Affine3A,
+        pattern: NoisePattern,
+        filtered: bool,
+    },
+    Facing {
+        direction: Vec3,
+        colors: [ColorParam; 2],
+    },
 }
 
 /// Most textures that one look-up may come to: a texture that mixes the one before it with itself doubles their
@@ -163,6 +193,15 @@ impl TextureTable {
                 let amount = amount.at(point, self).clamp(0.0, 1.0);
                 self.color(&colors[0], point).lerp(self.color(&colors[1], point), amount)
             }
+            Node::Corners { mapping, colors } => pattern::between_corners(*colors, mapping, point),
+            Node::Dots { mapping, colors } => {
+                self.color(&colors[usize::from(!pattern::is_in_dot(mapping, point))], point)
+            }
+            Node::Noise { from_world, pattern, filtered } => pattern.at(from_world, point, *filtered),
+            Node::Facing { direction, colors } => {
+                let share = pattern::facing(*direction, point);
+                self.color(&colors[1], point).lerp(self.color(&colors[0], point), share)
+            }
         }
     }
 
@@ -193,6 +232,11 @@ impl TextureTable {
             Node::Mix { colors, amount } => {
                 color(&colors[0]).lerp(color(&colors[1]), scalar(amount).clamp(0.0, 1.0))
             }
+            Node::Corners { colors, .. } => (colors.iter().sum::<Vec3>() / 4.0).extend(1.0),
+            Node::Dots { colors, .. } => color(&colors[1]).lerp(color(&colors[0]), pattern::SHARE_OF_DOTS),
+            Node::Noise { pattern, .. } => pattern.mean(),
+            // The mean of the cosine's magnitude over all directions.
+            Node::Facing { colors, .. } => 0.5 * (color(&colors[0]) + color(&colors[1])),
         }
     }
 }
@@ -202,8 +246,12 @@ fn children(texture: &Texture) -> Vec<TextureId> {
     let colors = |colors: &[ColorParam]| colors.iter().filter_map(|color| color.texture).collect::<Vec<_>>();
     let scalar = |scalar: &ScalarParam| scalar.texture.map(|(id, _)| id);
     match texture {
-        Texture::Image(_) | Texture::Constant(_) => Vec::new(),
-        Texture::Checkerboard { colors: c, .. } => colors(c),
+        Texture::Image(_) | Texture::Constant(_) | Texture::Corners { .. } | Texture::Noise { .. } => {
+            Vec::new()
+        }
+        Texture::Checkerboard { colors: c, .. }
+        | Texture::Dots { colors: c, .. }
+        | Texture::Facing { colors: c, .. } => colors(c),
         Texture::Scale { color, scale } => colors(&[*color]).into_iter().chain(scalar(scale)).collect(),
         Texture::Mix { colors: c, amount } => colors(c).into_iter().chain(scalar(amount)).collect(),
     }
@@ -248,6 +296,10 @@ fn node(texture: &Texture, exact: bool, pyramids: &HashMap<*const Image, Arc<Pyr
         &Texture::Checkerboard { mapping, colors } => Node::Checkerboard { mapping, colors },
         &Texture::Scale { color, scale } => Node::Scale { color, scale },
         &Texture::Mix { colors, amount } => Node::Mix { colors, amount },
+        &Texture::Corners { mapping, colors } => Node::Corners { mapping, colors },
+        &Texture::Dots { mapping, colors } => Node::Dots { mapping, colors },
+        &Texture::Noise { from_world, pattern } => Node::Noise { from_world, pattern, filtered: !exact },
+        &Texture::Facing { direction, colors } => Node::Facing { direction, colors },
     }
 }
 
@@ -273,6 +325,45 @@ fn check(texture: &Texture, index: usize) -> Result<(), String> {
             colors.iter().try_for_each(check_color)?;
             check_scalar(amount)
         }
+        Texture::Corners { mapping, colors } => {
+            check_mapping(mapping, false)?;
+            colors.iter().try_for_each(|color| check_color(&ColorParam::constant(*color)))
+        }
+        Texture::Dots { mapping, colors } => {
+            check_mapping(mapping, false)?;
+            colors.iter().try_for_each(check_color)
+        }
+        Texture::Noise { from_world, pattern } => {
+            check_mapping(&Mapping::Solid { from_world: *from_world }, true)?;
+            check_noise(pattern)
+        }
+        Texture::Facing { direction, colors } => {
+            if !direction.is_normalized() {
+                return Err(format!("its direction is {direction}, expected one of unit length"));
+            }
+            colors.iter().try_for_each(check_color)
+        }
+    }
+}
+
+fn check_noise(pattern: &NoisePattern) -> Result<(), String> {
+    /// Beyond these noise is finer than numbers are.
+    const MOST_OCTAVES: u32 = 64;
+    let (count, numbers) = match *pattern {
+        NoisePattern::Brownian { octaves, roughness } | NoisePattern::Wrinkled { octaves, roughness } => {
+            (octaves, [roughness, 0.0, 0.0])
+        }
+        NoisePattern::Windy => (0, [0.0; 3]),
+        NoisePattern::Marble { octaves, roughness, scale, variation } => {
+            (octaves, [roughness, scale, variation])
+        }
+    };
+    if count > MOST_OCTAVES {
+        return Err(format!("it has {count} octaves, expected {MOST_OCTAVES} at most"));
+    }
+    match numbers.iter().find(|number| !number.is_finite()) {
+        Some(number) => Err(format!("its noise has a parameter of {number}, expected a finite number")),
+        None => Ok(()),
     }
 }
 

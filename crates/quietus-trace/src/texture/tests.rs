@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::desc::{ImageTexture, Wrap};
-use crate::testing::Rng;
+use crate::testing::{Mean, Rng, Suite};
 
 /// An image whose texels, in reading order, are those of `texel`.
 fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [f32; 4]) -> Arc<Image> {
@@ -424,4 +424,72 @@ proptest! {
             prop_assert!(value.min_element() >= -1e-6 && value.max_element() <= 1.0 + 1e-6, "{value}");
         }
     }
+}
+
+/// What patterns are on average, over many places and normals, is what `mean` says.
+#[test]
+fn patterns_have_the_means_they_state() {
+    const DRAWS: usize = 40_000;
+    let solid = Affine3A::from_scale(Vec3::splat(0.9));
+    let mapping = Mapping::Planar { from_world: solid, axes: [Vec3::X, Vec3::Y], offset: Vec2::ZERO };
+    let unit =
+        Mapping::Planar { from_world: Affine3A::IDENTITY, axes: [Vec3::X, Vec3::Y], offset: Vec2::ZERO };
+    let colors = [Vec3::ONE, Vec3::ZERO].map(ColorParam::constant);
+    let corners = [0.1, 0.5, 0.2, 0.9].map(Vec3::splat);
+    let (octaves, roughness) = (4, 0.5);
+    let noise = |pattern| Texture::Noise { from_world: solid, pattern };
+    // How far the mean over all of space may be off what is stated: noise repeats after 256 cells, chance decides
+    // which dots there are, and means of noise are those of 4096 places.
+    let patterns = [
+        (Texture::Corners { mapping: unit, colors: corners }, 1.0, 0.0),
+        (Texture::Dots { mapping, colors }, 200.0, 0.02),
+        (Texture::Facing { direction: Vec3::Y, colors }, 1.0, 0.0),
+        (noise(NoisePattern::Brownian { octaves, roughness }), 200.0, 0.02),
+        (noise(NoisePattern::Wrinkled { octaves, roughness }), 200.0, 0.02),
+        (noise(NoisePattern::Windy), 200.0, 0.02),
+        (noise(NoisePattern::Marble { octaves, roughness, scale: 2.0, variation: 0.5 }), 200.0, 0.02),
+    ];
+    let mut suite = Suite::new(patterns.len());
+    let mut rng = Rng::new(11);
+    for (texture, extent, slack) in patterns {
+        let table = TextureTable::compile(std::slice::from_ref(&texture), |_| true).expect("sound");
+        let mean = Mean::of(DRAWS, || {
+            let position = extent * Vec3::new(rng.next_1d(), rng.next_1d(), rng.next_1d());
+            let normal = rng.next_direction();
+            let (a, b) = normal.any_orthonormal_pair();
+            let footprint = Footprint { axes: [a, b], ..Footprint::POINT };
+            let point = SurfacePoint { position, footprint, ..SurfacePoint::default() };
+            f64::from(table.lookup(TextureId(0), &point).x)
+        });
+        let stated = f64::from(table.mean(TextureId(0)).x);
+        let above = mean.p_at_most(stated + slack).min(mean.p_at_least(stated - slack));
+        suite.judge(above, format_args!("{texture:?}: {} instead of {stated}", mean.mean()));
+    }
+}
+
+#[test]
+fn dots_are_round_and_apart() {
+    let mapping = Mapping::Uv { set: 0, transform: Affine2::IDENTITY };
+    let colors = [Vec3::ONE, Vec3::ZERO].map(ColorParam::constant);
+    let table = table(&[Texture::Dots { mapping, colors }]);
+    let dotted = |u: f32, v: f32| table.lookup(TextureId(0), &at(u, v)).x == 1.0;
+    let mut cells = [0; 2];
+    for i in 0..400 {
+        let (x, y) = ((i % 20) as f32, (i / 20) as f32);
+        // The middle of a cell is covered by every dot that it may have, its rim by none.
+        cells[usize::from(dotted(x, y))] += 1;
+        assert!(!dotted(x + 0.5, y + 0.1) && !dotted(x - 0.2, y + 0.499));
+    }
+    assert!(cells[0] > 100 && cells[1] > 100, "{cells:?}");
+}
+
+#[test]
+fn unsound_patterns_are_refused() {
+    let refuse = |texture| TextureTable::compile(&[texture], |_| false).expect_err("unsound").problem;
+    let noise = |pattern| Texture::Noise { from_world: Affine3A::IDENTITY, pattern };
+    let message = refuse(noise(NoisePattern::Brownian { octaves: 100, roughness: 0.5 }));
+    assert!(message.contains("100 octaves"), "{message}");
+    assert!(refuse(noise(NoisePattern::Wrinkled { octaves: 1, roughness: f32::NAN })).contains("NaN"));
+    let colors = [ColorParam::constant(Vec3::ONE); 2];
+    assert!(refuse(Texture::Facing { direction: Vec3::ZERO, colors }).contains("direction"));
 }

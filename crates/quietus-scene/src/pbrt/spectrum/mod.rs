@@ -137,6 +137,18 @@ impl Spectrum {
     }
 }
 
+/// The light of a black body at `kelvin` whose brightest wavelength has the radiance 1; none below 100 K.
+pub(super) fn glow(kelvin: f64) -> Vec3 {
+    /// Wien's displacement constant in nm K (CODATA 2018).
+    const WIEN: f64 = 2.897_771_955e6;
+    if kelvin <= 100.0 || !kelvin.is_finite() {
+        return Vec3::ZERO;
+    }
+    let brightest = cie::black_body(kelvin, WIEN / kelvin);
+    let xyz = cie::xyz(|wavelength| cie::black_body(kelvin, wavelength) / brightest);
+    color_space::rgb_from_xyz(xyz / cie::xyz(|_| 1.0).y).as_vec3().max(Vec3::ZERO)
+}
+
 /// What white light shows of a surface with this reflectance. Normalised by what it shows of white: the fitted
 /// observer's own white is a little off.
 fn shown(reflectance: impl Fn(f64) -> f64) -> Vec3 {

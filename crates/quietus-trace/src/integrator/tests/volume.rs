@@ -5,12 +5,12 @@ use std::f64::consts::PI;
 use glam::{Affine3A, Vec3};
 
 use super::*;
-use crate::desc::{Medium, MediumId, MediumInterface};
+use crate::desc::{Density, Grid, Medium, MediumId, MediumInterface, Variation};
 
 impl Builder {
     fn medium(&mut self, absorption: Vec3, scattering: Vec3, g: f32) -> Option<MediumId> {
         let name = String::new();
-        self.0.media.push(Medium { name, absorption, scattering, emission: Vec3::ZERO, g });
+        self.0.media.push(Medium { name, absorption, scattering, emission: Vec3::ZERO, g, variation: None });
         Some(MediumId(self.0.media.len() as u32 - 1))
     }
 
@@ -232,6 +232,74 @@ fn strategies_agree_in_fog() {
     }
 }
 
+/// A grid of colours from 0.5 to 1.5 in a box that holds the ball of radius 1.
+fn mottled(scene: &mut Builder, medium: Option<MediumId>) {
+    let mut rng = Rng::new(7);
+    let values =
+        (0..8 * 9 * 10).map(|_| 1.5 - Vec3::new(rng.next_1d(), rng.next_1d(), rng.next_1d())).collect();
+    let scattering = Some(Grid { size: [8, 9, 10], values });
+    let from_world = Affine3A::from_translation(Vec3::splat(0.5)) * Affine3A::from_scale(Vec3::splat(0.4));
+    let density = Density::Colors { absorption: None, scattering };
+    let medium = &mut scene.0.media[medium.expect("a medium").0 as usize];
+    medium.variation = Some(Arc::new(Variation { from_world, density, glow: None }));
+}
+
+/// What varies and absorbs nothing cannot be seen under an even sky either, nor in a room full of it.
+#[test]
+fn white_media_that_vary_are_invisible_in_a_furnace() {
+    let scattering = Vec3::new(0.7, 1.5, 4.0);
+    let mut suite = Suite::new(2 * 3);
+    let mut scene = Builder::default();
+    scene.sky(1.0);
+    let (fog, border) = (scene.medium(Vec3::ZERO, scattering, 0.4), scene.interface());
+    mottled(&mut scene, fog);
+    scene.sphere(Vec3::ZERO, 1.0, border);
+    scene.border(fog, None);
+    let picture = scene.look(Vec3::Z * 3.0, Vec3::new(0.2, 0.1, 0.0), 1000);
+    for c in 0..3 {
+        suite.judge(channel(&picture, c).p_equals(1.0), format_args!("a ball, channel {c}"));
+    }
+    let mut scene = Builder::default();
+    let wall = scene.diffuse(0.0, 1.0);
+    scene.0.materials[wall.0 as usize].emission_two_sided = true;
+    let fog = scene.medium(Vec3::ZERO, scattering, 0.5);
+    mottled(&mut scene, fog);
+    scene.sphere(Vec3::ZERO, 1.5, wall);
+    let picture = scene.look_within(fog, Vec3::new(0.3, 0.2, 0.0), Vec3::ZERO, 1000);
+    for c in 0..3 {
+        suite.judge(channel(&picture, c).p_equals(1.0), format_args!("a room, channel {c}"));
+    }
+}
+
+/// A grid that is the same everywhere is drawn as the medium without it.
+#[test]
+fn even_grids_look_like_homogeneous_media() {
+    let picture = |even: bool| {
+        let mut scene = Builder::default();
+        let (absorption, scattering) = (Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.5, 0.2));
+        let fog = scene.medium(absorption, scattering, 0.7);
+        scene.0.media[0].emission = Vec3::new(0.3, 0.2, 0.1);
+        if even {
+            // Wide enough for its rim to lie outside.
+            let from_world =
+                Affine3A::from_translation(Vec3::splat(0.5)) * Affine3A::from_scale(Vec3::splat(0.1));
+            let density = Density::Grid(Grid { size: [8; 3], values: vec![1.0; 512] });
+            scene.0.media[0].variation = Some(Arc::new(Variation { from_world, density, glow: None }));
+        }
+        let (lamp, border) = (scene.diffuse(0.0, 4.0), scene.interface());
+        scene.sphere(Vec3::new(0.0, 1.0, 1.5), 0.6, lamp);
+        scene.sphere(Vec3::ZERO, 3.0, border);
+        scene.border(fog, None);
+        scene.sky(0.5);
+        scene.look_within(fog, Vec3::ZERO, Vec3::new(0.0, 0.1, 1.0), 6)
+    };
+    let (plain, grid) = (picture(false), picture(true));
+    let mut suite = Suite::new(3);
+    for c in 0..3 {
+        suite.judge(channel(&plain, c).p_same(&channel(&grid, c)), format_args!("channel {c}"));
+    }
+}
+
 /// Media and borders that cannot be are refused by name.
 #[test]
 fn unsound_media_are_refused() {
@@ -252,5 +320,12 @@ fn unsound_media_are_refused() {
     assert!(refusal(&|s| s.0.media[0].g = 1.5).starts_with("medium 0 \"\": asymmetry is 1.5;"));
     assert!(refusal(&|s| s.0.media[0].scattering.y = -1.0).contains("scattering is"));
     assert!(refusal(&|s| s.0.media[0].emission.y = f32::NAN).contains("emission is"));
+    let even = |size: [u32; 3]| {
+        let density = Density::Grid(Grid { size, values: vec![1.0; 8] });
+        Some(Arc::new(Variation { from_world: Affine3A::IDENTITY, density, glow: None }))
+    };
+    let message = refusal(&|s| s.0.media[0].variation = even([2, 2, 3]));
+    assert!(message.contains("8 values in the grid, expected 12"), "{message}");
+    assert!(refusal(&|s| s.0.media[0].variation = even([8, 0, 1])).contains("size of the grid is 8x0x1"));
     assert!(refusal(&|s| s.border(None, Some(MediumId(1)))).contains("medium 1 does not exist; there are 1"));
 }

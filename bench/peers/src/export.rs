@@ -219,8 +219,8 @@ impl Export<'_> {
                 Light::Directional { direction, irradiance } => {
                     json!({"type": "directional", "direction": direction.to_array(), "irradiance": rgb(irradiance)})
                 }
-                Light::Spot { .. } => {
-                    self.note("spot lights are left out");
+                Light::Spot { .. } | Light::Picture { .. } => {
+                    self.note("spot lights and lights that send a picture are left out");
                     continue;
                 }
             };

@@ -51,6 +51,14 @@ impl Framing {
         let views = VIEWS.map(|direction| View::new(direction, shapes.len()));
         let triangles = world_triangles(scene);
         let mut framing = Self { center: 0.5 * (low + high), shapes, views, triangles };
+        if summary::bounds(scene).is_none() {
+            // There is nothing to see: as much of it as would fit into a cube.
+            let Self { shapes, views, .. } = &mut framing;
+            for view in views {
+                view.include(low, shapes);
+                view.include(high, shapes);
+            }
+        }
         framing.include(scene);
         framing
     }

@@ -331,3 +331,60 @@ fn pictures_of_other_kinds() {
     document["extensionsRequired"] = json!(["KHR_texture_basisu"]);
     assert!(message(&document).contains("the file requires KHR_texture_basisu"));
 }
+
+/// KHR_materials_pbrSpecularGlossiness becomes what KHR_materials_specular says it is.
+#[test]
+fn gloss_becomes_roughness() {
+    let plain = with_material(json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": {
+        "diffuseFactor": [0.5, 0.25, 1, 1], "specularFactor": [0.25, 0.5, 0.75], "glossinessFactor": 0.75}}}));
+    let Surface::MetalRough(surface) = &plain.materials[0].surface else {
+        panic!("expected the base material")
+    };
+    assert_eq!(surface.base_color.factor, Vec3::new(0.5, 0.25, 1.));
+    assert_eq!(surface.specular_color.factor, Vec3::new(0.25, 0.5, 0.75));
+    assert_eq!((surface.metallic.factor, surface.roughness.factor, surface.specular.factor), (0., 0.25, 1.));
+    // What reflects everything, times the specular colour.
+    let reflected = ((surface.ior - 1.) / (surface.ior + 1.)).powi(2);
+    assert!(reflected > 0.9999, "{reflected}");
+
+    let mut document = triangle();
+    document["materials"] = json!([{"alphaMode": "BLEND", "extensions": {"KHR_materials_pbrSpecularGlossiness": {
+        "diffuseTexture": {"index": 0}, "specularGlossinessTexture": {"index": 0}, "glossinessFactor": 0.5}}}]);
+    document["extensionsRequired"] = json!(["KHR_materials_pbrSpecularGlossiness"]);
+    document["meshes"][0]["primitives"][0]["material"] = json!(0);
+    document["images"] = json!([{"uri": data_uri(&webp())}]);
+    document["textures"] = json!([{"extensions": {"EXT_texture_webp": {"source": 0}}}]);
+    let scene = read_ok(&document).scene;
+    let Surface::MetalRough(surface) = &scene.materials[0].surface else {
+        panic!("expected the base material")
+    };
+    assert!(surface.base_color.texture.is_some() && surface.specular_color.texture.is_some());
+    let table = quietus_trace::texture::TextureTable::compile(&scene.textures, |_| false).expect("sound");
+    // The texel's alpha is 1: half of it is gloss.
+    let roughness = surface.roughness.at(&Default::default(), &table);
+    assert!((roughness - 0.5).abs() < 1e-6, "{roughness}");
+}
+
+#[test]
+fn variants_are_drawn_without_one() {
+    let mut document = triangle();
+    document["extensionsUsed"] = json!(["KHR_materials_variants"]);
+    document["extensionsRequired"] = json!(["KHR_materials_variants"]);
+    let loaded = read_ok(&document);
+    assert!(
+        loaded.warnings.iter().any(|w| w.message.contains("KHR_materials_variants")),
+        "{:?}",
+        loaded.warnings
+    );
+}
+
+/// A file with nothing to draw can be drawn.
+#[test]
+fn nothing_has_a_camera() {
+    let mut document = triangle();
+    document["meshes"][0]["primitives"][0]["mode"] = json!(0);
+    let loaded = read_ok(&document);
+    assert!(loaded.scene.instances.is_empty());
+    let to_world = loaded.scene.cameras[0].to_world;
+    assert!(to_world.is_finite(), "{to_world}");
+}

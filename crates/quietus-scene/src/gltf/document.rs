@@ -9,6 +9,7 @@ use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
 use super::container;
+use super::glossiness;
 use super::meshopt::{self, Filter, Mode};
 use super::schema::{BufferView, Meshopt, Root};
 use crate::error::{ErrorKind, SceneError, Warnings};
@@ -37,7 +38,8 @@ impl<'a> Document<'a> {
     /// Takes apart the glTF file `bytes`, read from `file`, and fetches its buffers.
     pub(super) fn open(file: &'a Path, bytes: &'a [u8]) -> Result<Self, SceneError> {
         let parts = container::split(file, bytes)?;
-        let root = container::parse(file, parts.json)?;
+        let mut root = container::parse(file, parts.json)?;
+        root.materials.iter_mut().for_each(glossiness::rewrite);
         let mut document = Self {
             file,
             root,
@@ -275,6 +277,12 @@ impl<'a> Document<'a> {
             );
             return Err(self.error(ErrorKind::Unsupported, "extensionsRequired", message));
         }
+        if self.root.extensions_used.iter().any(|name| name == "KHR_materials_variants") {
+            self.warn(
+                "extensionsUsed",
+                "of KHR_materials_variants the materials that count without one are drawn",
+            );
+        }
         for name in self.root.extensions_used.iter().filter(foreign) {
             self.warn("extensionsUsed", format!("{name} is not supported; the file is drawn without it"));
         }
@@ -283,7 +291,7 @@ impl<'a> Document<'a> {
 }
 
 /// What a file may require.
-const SUPPORTED_EXTENSIONS: [&str; 17] = [
+const SUPPORTED_EXTENSIONS: [&str; 19] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
@@ -294,10 +302,12 @@ const SUPPORTED_EXTENSIONS: [&str; 17] = [
     "KHR_materials_diffuse_transmission",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",

@@ -223,6 +223,13 @@ impl<'d, 'f> Materials<'d, 'f> {
             Encoding::Linear,
             &at("metallicRoughnessTexture"),
         )?;
+        let roughness = match &source.extensions.glossiness_texture {
+            Some(info) => self.roughness_of_gloss(info, pbr.roughness_factor, own)?,
+            None => ScalarParam {
+                factor: self.unit(pbr.roughness_factor, &at("roughnessFactor")),
+                texture: metallic_roughness.map(|texture| (texture, 1)),
+            },
+        };
         let base = MetalRough {
             base_color: ColorParam {
                 factor: self.unit_color([r, g, b], &at("baseColorFactor")),
@@ -236,14 +243,29 @@ impl<'d, 'f> Materials<'d, 'f> {
                 factor: self.unit(pbr.metallic_factor, &at("metallicFactor")),
                 texture: metallic_roughness.map(|texture| (texture, 2)),
             },
-            roughness: ScalarParam {
-                factor: self.unit(pbr.roughness_factor, &at("roughnessFactor")),
-                texture: metallic_roughness.map(|texture| (texture, 1)),
-            },
+            roughness,
             unlit: source.extensions.unlit.is_some(),
             ..MetalRough::default()
         };
         self.extend(base, source, own)
+    }
+
+    /// `1 - glossiness * alpha` of the texture `info`; `least` is that of an alpha of 1.
+    fn roughness_of_gloss(
+        &mut self,
+        info: &TextureInfo,
+        least: f32,
+        own: &str,
+    ) -> Result<ScalarParam, SceneError> {
+        let place = format!("{own}.extensions.KHR_materials_pbrSpecularGlossiness.specularGlossinessTexture");
+        let least = self.unit(least, &place);
+        let Some(gloss) = self.texture(Some(info), Encoding::Srgb, &place)? else {
+            return Ok(ScalarParam::constant(least));
+        };
+        let colors = [Vec3::ONE, Vec3::splat(least)].map(ColorParam::constant);
+        let amount = ScalarParam { factor: 1.0, texture: Some((gloss, 3)) };
+        let mix = self.push_texture(Texture::Mix { colors, amount });
+        Ok(ScalarParam { factor: 1.0, texture: Some((mix, 0)) })
     }
 
     /// Adds the KHR extensions to `base`.

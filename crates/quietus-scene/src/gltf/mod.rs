@@ -15,6 +15,7 @@ mod container;
 mod deform;
 mod document;
 mod draco;
+mod glossiness;
 mod graph;
 mod hierarchy;
 mod image;

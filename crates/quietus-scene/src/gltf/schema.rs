@@ -9,6 +9,8 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
+use super::glossiness::SpecularGlossiness;
+
 /// The root object.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
@@ -219,6 +221,11 @@ pub(super) struct MaterialExtensions {
     pub diffuse_transmission: DiffuseTransmission,
     #[serde(rename = "KHR_materials_unlit")]
     pub unlit: Option<serde::de::IgnoredAny>,
+    #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
+    pub specular_glossiness: Option<SpecularGlossiness>,
+    /// Its alpha is glossiness: what is left of the extension above once it has been rewritten.
+    #[serde(skip)]
+    pub glossiness_texture: Option<TextureInfo>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -335,7 +342,7 @@ pub(super) struct Clearcoat {
 }
 
 /// A reference to a texture; `scale` is there for normal maps only.
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct TextureInfo {
     pub index: usize,
@@ -346,14 +353,14 @@ pub(super) struct TextureInfo {
     pub extensions: TextureInfoExtensions,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct TextureInfoExtensions {
     #[serde(rename = "KHR_texture_transform")]
     pub transform: Option<TextureTransform>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct TextureTransform {
     pub offset: [f32; 2],

@@ -599,3 +599,11 @@ fn subdivision_surfaces_are_divided() {
     assert_eq!(surface.triangles.len(), 4 * 16);
     assert_eq!(surface.normals.len(), surface.positions.len());
 }
+
+#[test]
+fn lights_of_alpha_0_are_not_seen() {
+    let scene = world("AreaLightSource \"diffuse\" Shape \"sphere\" \"float alpha\" 0");
+    assert_eq!(scene.materials[0].alpha, Alpha::Unseen);
+    let scene = world("Shape \"sphere\" \"float alpha\" 0");
+    assert!(matches!(scene.materials[0].alpha, Alpha::Blend { .. }));
+}

@@ -206,12 +206,18 @@ impl MaterialTable {
         self.compiled(id).opaque
     }
 
+    /// Whether it is never hit, though its light shines.
+    pub fn is_unseen(&self, id: MaterialId) -> bool {
+        self.material(id).alpha == Alpha::Unseen
+    }
+
     /// Coverage at `point`: the probability of being hit, in 0..1.
     pub fn alpha(&self, id: MaterialId, point: &SurfacePoint) -> f32 {
         let value = |v: &ScalarParam| v.at(point, &self.textures) * point.color.w;
         let material = self.material(id);
         let own = match &material.alpha {
             Alpha::Opaque => 1.0,
+            Alpha::Unseen => 0.0,
             Alpha::Mask { value: v, cutoff } => f32::from(u8::from(value(v) >= *cutoff)),
             Alpha::Blend { value: v } => value(v).clamp(0.0, 1.0),
         };
@@ -287,7 +293,7 @@ fn exact_textures(material: &desc::Material) -> impl Iterator<Item = TextureId> 
         _ => (None, None),
     };
     let coverage = match alpha {
-        Alpha::Opaque => None,
+        Alpha::Opaque | Alpha::Unseen => None,
         Alpha::Mask { value, .. } | Alpha::Blend { value } => value.texture,
     };
     let normals = [*normal_map, coat].map(|map| map.map(|(texture, _)| texture));

@@ -303,7 +303,8 @@ impl Scene {
         let mut moved = None;
         let placement = self.placement(placed, ray.time, &mut moved);
         let at = Interaction::new(&shape.geometry, (shape.material, true), placement, hit, ray);
-        self.materials.emission(at.material, &at.surface, true) * self.coverage(hit, ray)
+        let coverage = if self.materials.is_unseen(at.material) { 1.0 } else { self.coverage(hit, ray) };
+        self.materials.emission(at.material, &at.surface, true) * coverage
     }
 
     /// Density per steradian with which [`Self::sample_light`] chooses for `receiver` the point `surface`, which a ray

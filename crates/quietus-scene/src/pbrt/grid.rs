@@ -112,7 +112,8 @@ fn uniform(params: &Params, context: &Context) -> Result<(Density, Option<Glow>)
     let Some(density) = numbers(params, "density")? else {
         return Err(Fault::invalid(params.place, format!("{} has no \"float density\"", params.owner)));
     };
-    let scale = numbers(params, "Lescale")?;
+    // A single number is for the whole medium.
+    let scale = if params.floats("Lescale")?.len() == 1 { None } else { numbers(params, "Lescale")? };
     let glow = match numbers(params, "temperature")? {
         Some(_) if params.has("Le") => {
             let message =

@@ -15,6 +15,7 @@ use super::draft::{AreaLight, Entity};
 use super::fault::{Context, Fault, Place, Result, unknown};
 use super::images::{ImageId, Images, Requests, Use, linear};
 use super::params::{Kind, Params};
+use super::surrounding;
 use super::transform::{Moving, Parts, uniform_scale};
 
 /// Every type of light without a surface.
@@ -133,12 +134,19 @@ impl Lights {
         let (with_image, plain): (Vec<_>, Vec<_>) = self.skies.iter().partition(|sky| sky.image.is_some());
         let constant: Vec3 = plain.iter().map(|sky| sky.plain()).sum();
         if let Some(second) = with_image.get(1) {
-            context.warn(second.place, "only one picture can surround the scene: the first one does");
+            context.warn(second.place, "pictures of several infinite lights are added up in one");
         }
-        scene.environment = match with_image.first() {
-            Some(sky) => Some(sky.surrounding(images, constant)?),
-            None if plain.is_empty() => None,
-            None => Some(Environment {
+        scene.environment = match with_image[..] {
+            [sky] => Some(sky.surrounding(images, constant)?),
+            [_, _, ..] => {
+                let surroundings: Vec<_> = with_image
+                    .iter()
+                    .map(|sky| sky.surrounding(images, Vec3::ZERO))
+                    .collect::<Result<_>>()?;
+                Some(surrounding::added(&surroundings, constant))
+            }
+            [] if plain.is_empty() => None,
+            [] => Some(Environment {
                 image: None,
                 layout: EnvironmentLayout::LatLong,
                 scale: constant,

@@ -131,6 +131,7 @@ impl<'a, 'c> Materials<'a, 'c> {
         };
         let alpha = match worn.alpha {
             None => desc::Alpha::Opaque,
+            Some(Alpha::Constant(0.0)) if worn.light.is_some() => desc::Alpha::Unseen,
             Some(Alpha::Constant(value)) => desc::Alpha::Blend { value: ScalarParam::constant(*value) },
             Some(Alpha::Texture(name, place)) => {
                 desc::Alpha::Blend { value: self.textures.number_texture(name, *place)? }

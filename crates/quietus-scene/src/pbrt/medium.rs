@@ -147,6 +147,7 @@ fn read(name: &str, entity: &Entity, to_world: DAffine3, context: &Context) -> R
     };
     let emission = match variation.as_deref().and_then(|variation| variation.glow.as_ref()) {
         Some(Glow::Colors(_)) => Vec3::splat(at_least_0("Lescale", 1.0)?),
+        Some(Glow::Heat { scale: None, .. }) => Vec3::splat(at_least_0("Lescale", 1.0)?),
         Some(Glow::Heat { .. }) => Vec3::ONE,
         glow => {
             // A grid has been taken for what it is.

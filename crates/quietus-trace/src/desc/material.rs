@@ -41,6 +41,8 @@ pub enum Alpha {
         /// The value.
         value: ScalarParam,
     },
+    /// Never hit; but what it emits shines, and is found where light is sampled (pbrt-v4's lights of alpha 0).
+    Unseen,
 }
 
 /// How a surface scatters.

@@ -30,6 +30,17 @@ struct Map {
     density: Option<PiecewiseConstant2d>,
 }
 
+impl desc::Environment {
+    /// What it shows: the radiance that arrives from a direction of unit length in the world.
+    ///
+    /// # Panics
+    /// If its image has not as many texels as its size says.
+    pub fn view(&self) -> impl Fn(Vec3) -> Vec3 + Sync + use<> {
+        let compiled = Environment::new(self);
+        move |direction| compiled.radiance(direction)
+    }
+}
+
 impl Environment {
     /// Compiles `environment`, whose rotation is orthonormal and whose image, if any, has the right length.
     pub(crate) fn new(environment: &desc::Environment) -> Self {

@@ -95,6 +95,8 @@ pub(crate) struct Emitter<G> {
     /// Whether radiance or coverage differ from place to place.
     pub(crate) varies: bool,
     pub(crate) two_sided: bool,
+    /// Whether nothing but light sampling finds it.
+    pub(crate) unseen: bool,
 }
 
 /// An emissive surface of any kind.
@@ -152,8 +154,8 @@ impl AreaLight {
 impl<G> Emitter<G> {
     /// The same with another geometry.
     pub(crate) fn with<H>(&self, geometry: H) -> Emitter<H> {
-        let Self { instance, shape, primitive, radiance, varies, two_sided, .. } = *self;
-        Emitter { geometry, instance, shape, primitive, radiance, varies, two_sided }
+        let Self { instance, shape, primitive, radiance, varies, two_sided, unseen, .. } = *self;
+        Emitter { geometry, instance, shape, primitive, radiance, varies, two_sided, unseen }
     }
 
     fn power(&self, area: f32) -> f32 {
@@ -331,7 +333,7 @@ impl<G> Emitter<G> {
             target: Some(area.target),
             radiance: self.radiance,
             pdf: area.pdf * probability,
-            delta: false,
+            delta: self.unseen,
         };
         if !self.varies {
             return Some(Found::Light(sample));

@@ -53,7 +53,7 @@ impl Check<'_> {
 
     fn coverage(&self, alpha: &Alpha) -> Result<(), MaterialError> {
         match alpha {
-            Alpha::Opaque => Ok(()),
+            Alpha::Opaque | Alpha::Unseen => Ok(()),
             Alpha::Mask { value, cutoff } => {
                 self.scalar("alpha", value)?;
                 self.range("alpha cutoff", cutoff.is_finite(), "finite", cutoff)

@@ -138,17 +138,20 @@ impl<'a> Collector<'a> {
         light: &AreaLight,
     ) -> Emitter<()> {
         let material = shape.material;
-        let varies = self.materials.emission_is_textured(material) || !self.materials.is_opaque(material);
+        let unseen = self.materials.is_unseen(material);
+        let varies =
+            self.materials.emission_is_textured(material) || !(unseen || self.materials.is_opaque(material));
         let radiance_at = |u: Vec2| {
             let (position, at) = light.point(u);
             let hit = Hit { t: 0.0, u: at.x, v: at.y, instance, shape: number, primitive };
             // The direction matters as little as the distance: the hit is where the ray starts.
             let surface = surface_point(&shape.geometry, placement, &hit, &Ray::new(position, Vec3::Z, 0.0));
-            self.materials.emission(material, &surface, true) * self.materials.alpha(material, &surface)
+            let coverage = if unseen { 1.0 } else { self.materials.alpha(material, &surface) };
+            self.materials.emission(material, &surface, true) * coverage
         };
         let radiance = if varies { mean(radiance_at) } else { radiance_at(Vec2::splat(0.5)) };
         let two_sided = self.materials.emits_two_sided(material);
-        Emitter { geometry: (), instance, shape: number, primitive, radiance, varies, two_sided }
+        Emitter { geometry: (), instance, shape: number, primitive, radiance, varies, two_sided, unseen }
     }
 }
 

@@ -184,3 +184,24 @@ fn moving_lamps_are_sampled() {
     let relative = picture.radiance.variance() / picture.radiance.mean().powi(2);
     assert!(relative < 0.1, "relative variance {relative}");
 }
+
+/// A lamp that is never hit lights the ground as one that can be, with a picture on it too, and is not seen.
+#[test]
+fn unseen_lamps_shine() {
+    let picture = |alpha: Alpha, target: Vec3| {
+        let mut scene = ground();
+        let lamp = scene.material(diffuse(0.0), 2.0, alpha);
+        scene.sphere(Vec3::Y * 1.5, 0.5, lamp);
+        scene.look(Vec3::new(0.0, 0.4, 0.6), target, 2)
+    };
+    let brightness = |picture: &Picture| {
+        let mut mean = Mean::default();
+        picture.samples.iter().for_each(|sample| mean.push(f64::from(sample.radiance.y)));
+        mean
+    };
+    let [seen, unseen] = [Alpha::Opaque, Alpha::Unseen].map(|alpha| picture(alpha, Vec3::ZERO));
+    let mut suite = Suite::new(1);
+    suite.judge(brightness(&seen).p_same(&brightness(&unseen)), "the ground");
+    let lamp = picture(Alpha::Unseen, Vec3::Y * 1.5);
+    assert!(lamp.samples.iter().all(|sample| sample.radiance == Vec3::ZERO), "the lamp itself");
+}

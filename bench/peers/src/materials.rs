@@ -58,6 +58,10 @@ impl<'a> Materials<'a> {
         let opacity = match &material.alpha {
             Alpha::Opaque => return Ok(value),
             Alpha::Mask { value, .. } | Alpha::Blend { value } => *value,
+            Alpha::Unseen => {
+                self.note("lights that are not seen are seen");
+                return Ok(value);
+            }
         };
         if matches!(material.alpha, Alpha::Mask { .. }) {
             self.note("alpha masks are blended");

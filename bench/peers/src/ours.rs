@@ -57,6 +57,7 @@ pub(crate) fn draw(job: &Job) -> Result<()> {
     println!(
         "{}",
         json!({"load_seconds": load_seconds, "wall_seconds": wall, "cpu_seconds": cpu,
+            "samples": job.samples,
             "peak_bytes": peak.context("the system does not tell memory")?})
     );
     Ok(())

@@ -8,6 +8,8 @@ pub(crate) struct Measured {
     load_seconds: f64,
     wall_seconds: Vec<f64>,
     cpu_seconds: Vec<f64>,
+    /// Per pixel, as drawn: it may be more than was asked for.
+    samples: u32,
     peak_bytes: u64,
     /// Mean of both pictures.
     #[serde(skip)]
@@ -53,8 +55,8 @@ impl Row {
     }
 
     /// Paths per CPU second of the second picture: by then everything is compiled and loaded.
-    fn paths_per_cpu_second(&self, paths: f64) -> f64 {
-        paths / self.median(|m| m.cpu_seconds[1])
+    fn paths_per_cpu_second(&self, pixels: f64) -> f64 {
+        pixels * self.median(|m| f64::from(m.samples) / m.cpu_seconds[1])
     }
 
     /// What one picture costs from nothing, in seconds.
@@ -74,7 +76,7 @@ impl Row {
 
 /// Prints a table; ratios are above 1 where Quietus, the first row, is better.
 pub(crate) fn print(scene: &str, size: u32, samples: u32, rows: &[Row]) {
-    let paths = f64::from(size) * f64::from(size) * f64::from(samples);
+    let pixels = f64::from(size) * f64::from(size);
     println!(
         "\n{scene}: {size}x{size}, {samples} samples per pixel, medians; in brackets Quietus's gain over it"
     );
@@ -86,8 +88,8 @@ pub(crate) fn print(scene: &str, size: u32, samples: u32, rows: &[Row]) {
         println!(
             "| {} | {:.2} {} | {:.2} {} | {:.0} {} | {:.4} {} | {:.4} |",
             row.name,
-            1e-6 * row.paths_per_cpu_second(paths),
-            gain(ours.paths_per_cpu_second(paths), row.paths_per_cpu_second(paths)),
+            1e-6 * row.paths_per_cpu_second(pixels),
+            gain(ours.paths_per_cpu_second(pixels), row.paths_per_cpu_second(pixels)),
             row.first_picture(),
             gain(row.first_picture(), ours.first_picture()),
             row.megabytes(),

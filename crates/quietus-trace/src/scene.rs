@@ -123,8 +123,10 @@ impl Scene {
     /// # Errors
     /// The first index, length or number that is out of range, see [`SceneBuildError`].
     pub fn build(desc: &SceneDesc) -> Result<Self, SceneBuildError> {
-        let materials = MaterialTable::compile(&desc.textures, &desc.materials)?;
-        check::scene(desc)?;
+        let (materials, checked) =
+            rayon::join(|| MaterialTable::compile(&desc.textures, &desc.materials), || check::scene(desc));
+        let materials = materials?;
+        checked?;
         Ok(compile::scene(desc, materials))
     }
 

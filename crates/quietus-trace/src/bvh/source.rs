@@ -3,10 +3,10 @@
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
-use super::Bounds;
 use super::item::{Item, Kind};
 use super::singles::Singles;
 use super::wide::Leaves;
+use super::{Bounds, memory};
 use crate::desc::{CurveSegment, Geometry, MaterialId, Mesh, Object};
 use crate::geometry::sphere::SphereBlock;
 use crate::geometry::triangle::{MovingBlock, TriangleBlock};
@@ -77,7 +77,13 @@ struct Part<'a> {
     first: usize,
 }
 
-impl Part<'_> {
+impl<'a> Part<'a> {
+    #[inline(always)]
+    fn mesh(&self) -> &'a Mesh {
+        let Geometry::Mesh(mesh) = self.geometry else { unreachable!("a triangle is of a mesh") };
+        mesh
+    }
+
     /// What a leaf calls an item.
     fn id(&self, item: &Item) -> u32 {
         item.index() | self.filter_bit()
@@ -87,9 +93,16 @@ impl Part<'_> {
         if self.filtered { FILTERED } else { 0 }
     }
 
-    /// A triangle of its mesh as the builder sees it.
+    /// One past its last reference.
     #[inline(always)]
-    fn triangle(&self, mesh: &Mesh, primitive: usize) -> Item {
+    fn end(&self) -> usize {
+        self.first + primitives(self.geometry)
+    }
+
+    /// A triangle of its mesh, by its reference, as the builder sees it.
+    #[inline(always)]
+    fn triangle(&self, reference: usize) -> Item {
+        let (mesh, primitive) = (self.mesh(), reference - self.first);
         let corners = mesh.triangles[primitive];
         let vertices = self.placed.vertices(&mesh.positions, corners);
         let (mut bounds, mut kind) = (triangle_bounds(vertices), Kind::Triangle);
@@ -102,7 +115,7 @@ impl Part<'_> {
                 kind = Kind::MovingTriangle;
             }
         }
-        Item::new(bounds, (self.first + primitive) as u32, kind)
+        Item::new(bounds, reference as u32, kind)
     }
 }
 
@@ -111,6 +124,17 @@ impl Part<'_> {
 fn triangle_bounds([a, b, c]: [Vec3; 3]) -> Bounds {
     let bounds = Bounds { min: a.min(b).min(c), max: a.max(b).max(c) };
     if (a + b + c).is_nan() { Bounds::EMPTY } else { bounds }
+}
+
+/// How many references a shape has.
+#[inline(always)]
+fn primitives(geometry: &Geometry) -> usize {
+    match geometry {
+        Geometry::Mesh(mesh) => mesh.triangles.len(),
+        Geometry::Sphere { .. } | Geometry::Quadric(_) => 1,
+        Geometry::Patches(mesh) => mesh.patches.len(),
+        Geometry::Curves(curves) => curves.segments.len(),
+    }
 }
 
 /// All shapes of one tree.
@@ -130,13 +154,7 @@ impl<'a> Source<'a> {
                 let filtered = !opaque(shape.material);
                 let shape = index as u32;
                 source.parts.push(Part { placed, shape, geometry, filtered, first: source.end });
-                source.end += match geometry {
-                    Geometry::Mesh(mesh) => mesh.triangles.len(),
-                    Geometry::Sphere { .. } => 1,
-                    Geometry::Quadric(_) => 1,
-                    Geometry::Patches(mesh) => mesh.patches.len(),
-                    Geometry::Curves(curves) => curves.segments.len(),
-                };
+                source.end += primitives(geometry);
             }
         }
         assert!(source.end < FILTERED as usize, "more than two billion primitives");
@@ -151,20 +169,36 @@ impl<'a> Source<'a> {
         singles: &mut Singles,
         items: &mut Vec<Item>,
     ) {
-        for part in &self.parts {
-            let (instance, shape) = (part.placed.instance, part.shape);
-            let reference = |primitive| Reference { instance, shape, primitive };
+        let Some(start) = self.parts.first() else { return };
+        let first = references.len();
+        items.reserve_exact(self.end - first);
+        memory::prefer_huge_pages(items.spare_capacity_mut());
+        references.par_extend((first..self.end).into_par_iter().with_min_len(4096).map_init(
+            || start,
+            |part, index| {
+                *part = self.part_from(part, index);
+                let primitive = (index - part.first) as u32;
+                Reference { instance: part.placed.instance, shape: part.shape, primitive }
+            },
+        ));
+        // Meshes side by side at once: there may be thousands, and small ones.
+        let is_mesh = |part: &Part<'_>| matches!(part.geometry, Geometry::Mesh(_));
+        for run in self.parts.chunk_by(|a, b| is_mesh(a) && is_mesh(b)) {
+            let part = &run[0];
             let (first, filtered) = (part.first, part.filter_bit());
             match part.geometry {
-                Geometry::Mesh(mesh) => {
-                    let count = mesh.triangles.len();
-                    references
-                        .par_extend((0..count as u32).into_par_iter().with_min_len(4096).map(reference));
-                    let item = |i: usize| part.triangle(mesh, i);
-                    items.par_extend((0..count).into_par_iter().with_min_len(4096).map(item));
+                Geometry::Mesh(_) => {
+                    let indices = first..run[run.len() - 1].end();
+                    let indices = indices.into_par_iter().with_min_len(4096);
+                    items.par_extend(indices.map_init(
+                        || part,
+                        |part, index| {
+                            *part = self.part_from(part, index);
+                            part.triangle(index)
+                        },
+                    ));
                 }
                 &Geometry::Sphere { center, radius } => {
-                    references.push(reference(0));
                     let (center, radius) = part.placed.sphere(center, radius);
                     let bounds = Bounds {
                         min: (center - radius).map(f32::next_down),
@@ -172,21 +206,18 @@ impl<'a> Source<'a> {
                     };
                     items.push(Item::new(bounds, first as u32, Kind::Sphere));
                 }
-                Geometry::Quadric(quadric) => {
-                    references.push(reference(0));
-                    singles.quadric(quadric, first as u32 | filtered, items);
-                }
-                Geometry::Patches(mesh) => {
-                    references.extend((0..mesh.patches.len() as u32).map(reference));
-                    singles.patches(&part.placed, mesh, first, filtered, items);
-                }
-                Geometry::Curves(curves) => {
-                    references.extend((0..curves.segments.len() as u32).map(reference));
-                    singles.curves(&part.placed, curves, first, filtered, items);
-                }
+                Geometry::Quadric(quadric) => singles.quadric(quadric, first as u32 | filtered, items),
+                Geometry::Patches(mesh) => singles.patches(&part.placed, mesh, first, filtered, items),
+                Geometry::Curves(curves) => singles.curves(&part.placed, curves, first, filtered, items),
             }
         }
         drop_unbounded(items);
+    }
+
+    /// The part that holds a reference: `part`, if it does.
+    #[inline(always)]
+    fn part_from<'s>(&'s self, part: &'s Part<'a>, reference: usize) -> &'s Part<'a> {
+        if (part.first..part.end()).contains(&reference) { part } else { self.part(reference) }
     }
 
     fn part(&self, reference: usize) -> &Part<'a> {
@@ -208,7 +239,7 @@ impl Leaves for Source<'_> {
         for (lane, item) in items.iter().enumerate() {
             let index = item.index() as usize;
             let part = self.part(index);
-            let Geometry::Mesh(mesh) = part.geometry else { unreachable!("a triangle is of a mesh") };
+            let mesh = part.mesh();
             let corners = mesh.triangles[index - part.first];
             block.set(lane, part.placed.vertices(&mesh.positions, corners), part.id(item));
         }
@@ -220,7 +251,7 @@ impl Leaves for Source<'_> {
         for (lane, item) in items.iter().enumerate() {
             let index = item.index() as usize;
             let part = self.part(index);
-            let Geometry::Mesh(mesh) = part.geometry else { unreachable!("a triangle is of a mesh") };
+            let mesh = part.mesh();
             let corners = mesh.triangles[index - part.first];
             let start = part.placed.vertices(&mesh.positions, corners);
             let end = part.placed.vertices(&mesh.end_positions, corners);

@@ -1,24 +1,23 @@
 //! Looks for indices, lengths and numbers that cannot be drawn.
 
 use glam::{Mat3, Vec3};
+use rayon::prelude::*;
 
 use super::SceneBuildError as Error;
 use crate::desc::{
     CurveKind, Curves, Density, Environment, EnvironmentLayout, Geometry, Glow, Grid, Image, Instance, Light,
-    Medium, MediumInterface, Mesh, PatchMesh, PictureSpread, Quadric, SceneDesc, Texels, Variation,
+    Medium, MediumInterface, Mesh, PatchMesh, PictureSpread, Quadric, SceneDesc, Shape, Texels, Variation,
 };
 use crate::geometry::motion::Motion;
 
 /// Checks all but textures and materials.
 pub(super) fn scene(desc: &SceneDesc) -> Result<(), Error> {
-    for (o, object) in desc.objects.iter().enumerate() {
-        for (s, shape) in object.shapes.iter().enumerate() {
-            let place = || format!("object {o} \"{}\", shape {s}", object.name);
-            index(&place, "material", shape.material.0, desc.materials.len())?;
-            media(&place, shape.media, desc.media.len())?;
-            geometry(&place, &shape.geometry)?;
-        }
-    }
+    let fault = desc.objects.par_iter().enumerate().find_map_first(|(o, object)| {
+        object.shapes.par_iter().enumerate().find_map_first(|(s, shape)| {
+            self::shape(&|| format!("object {o} \"{}\", shape {s}", object.name), shape, desc).err()
+        })
+    });
+    fault.map_or(Ok(()), Err)?;
     for (i, instance) in desc.instances.iter().enumerate() {
         self::instance(&|| format!("instance {i}"), instance, desc.objects.len())?;
     }
@@ -58,6 +57,12 @@ fn value<T: std::fmt::Display>(
     } else {
         Err(Error::Value { place: place(), what, found: found.to_string(), expected })
     }
+}
+
+fn shape(place: Place, shape: &Shape, desc: &SceneDesc) -> Result<(), Error> {
+    index(place, "material", shape.material.0, desc.materials.len())?;
+    media(place, shape.media, desc.media.len())?;
+    geometry(place, &shape.geometry)
 }
 
 fn geometry(place: Place, geometry: &Geometry) -> Result<(), Error> {

@@ -43,8 +43,10 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
         });
     }
     let (emitters, first_lights) = collector.finish();
-    let lights = Lights::new(emitters, &desc.lights, desc.environment.as_ref());
-    let accel = Accel::build(&desc.objects, &desc.instances, |material| materials.is_opaque(material));
+    let (accel, lights) = rayon::join(
+        || Accel::build(&desc.objects, &desc.instances, |material| materials.is_opaque(material)),
+        || Lights::new(emitters, &desc.lights, desc.environment.as_ref()),
+    );
     let moves = !motions.is_empty() || shapes.iter().any(|shape| is_deforming(&shape.geometry));
     let (media, fields) = Medium::all(&desc.media);
     let has_borders = shapes.iter().any(|shape| shape.only_border);

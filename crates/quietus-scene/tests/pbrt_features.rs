@@ -483,15 +483,23 @@ fn media_on_grids() {
     assert_eq!((grid.size, grid.values[5]), ([2, 1, 3], 6.0));
 
     let fire = medium(
-        "\"string type\" \"uniformgrid\" \"float density\" [1] \"float temperature\" [ .5 ]
-         \"float temperaturescale\" 4000 \"float temperatureoffset\" .1 \"float Lescale\" 3",
+        "\"string type\" \"uniformgrid\" \"integer nx\" 2 \"float density\" [1 1] \"float temperature\" [ .5 .2 ]
+         \"float temperaturescale\" 4000 \"float temperatureoffset\" .1 \"float Lescale\" [ 3 4 ]",
     );
     let glow = fire.variation.expect("a grid").glow.clone();
     let Some(Glow::Heat { colors, hottest, scale, .. }) = &glow else { panic!("{glow:?}") };
-    assert_eq!((*hottest, scale.as_ref().expect("a grid").values[0]), (0.5, 3.0));
+    assert_eq!((*hottest, scale.as_ref().expect("a grid").values[1]), (0.5, 4.0));
     let [first, last] = [colors[0], colors[colors.len() - 1]];
     assert_eq!(first, Vec3::ZERO, "nothing glows below the offset");
     assert!(last.x > 2.0 * last.y && last.y > 2.0 * last.z, "1600 K are orange: {last}");
+
+    // One number counts everywhere.
+    for light in ["\"float temperature\" [1 2]", "\"rgb Le\" [1 1 1]"] {
+        let even = medium(&format!(
+            "\"string type\" \"uniformgrid\" \"integer nx\" 2 \"float density\" [1 1] \"float Lescale\" 3 {light}"
+        ));
+        assert_eq!(even.emission, Vec3::splat(3.0), "{light}");
+    }
 
     let colored = medium(
         "\"string type\" \"rgbgrid\" \"rgb sigma_a\" [1 2 3] \"rgb Le\" [ 4 5 6 ] \"float Lescale\" .5

@@ -262,10 +262,10 @@ pub(crate) struct RenderArgs {
     #[arg(help_heading = "Expert")]
     pub lag: u32,
 
-    /// Trees along each axis of the picture.
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
+    /// Trees along each axis of the picture. [default: 2; 1 with --sampling unbiased]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
     #[arg(help_heading = "Expert")]
-    pub regions: u32,
+    pub regions: Option<u32>,
 
     /// How tiles look into the tree; the picture is the same. Default: locks with free-running, otherwise
     /// published.

@@ -197,7 +197,7 @@ fn machinery(args: &RenderArgs, sampling: Sampling) -> Machinery {
     });
     Machinery {
         lag: args.lag,
-        regions_per_axis: args.regions,
+        regions_per_axis: args.regions.unwrap_or(sampling.regions_per_axis()),
         checks: asked_checks.unwrap_or(checks),
         rebuild: asked_rebuild.unwrap_or(rebuild),
     }

@@ -91,7 +91,7 @@ impl Settings {
             seed: args.seed,
             threads: settings.threads.get(),
             lag: (settings.sampling != Sampling::FreeRunning).then_some(args.lag),
-            regions: args.regions,
+            regions: settings.machinery.regions_per_axis,
             checks: match settings.machinery.checks {
                 Checks::StripedLocks => "locks",
                 Checks::Published => "published",

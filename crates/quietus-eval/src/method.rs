@@ -1,6 +1,7 @@
 //! The policies under comparison, by the names that `quietus render --sampling` has for them.
 
 use quietus::{Mode, Policy, Settings};
+use quietus_render::Sampling;
 use serde::{Deserialize, Serialize};
 
 /// A way to spread samples.
@@ -52,7 +53,7 @@ impl Method {
         }
     }
 
-    /// `settings` with the policy and mode of this method.
+    /// `settings` with the policy, mode and regions of this method.
     pub fn apply(self, settings: &Settings) -> Settings {
         let policy = match self {
             Self::Uniform => Policy::Uniform,
@@ -64,6 +65,11 @@ impl Method {
             Self::Unbiased => Policy::Unbiased,
         };
         let mode = if self == Self::FreeRunning { Mode::FreeRunning } else { settings.mode };
-        Settings { policy, mode, ..settings.clone() }
+        // As renders have it ([`Sampling::regions_per_axis`]).
+        let regions_per_axis = match self {
+            Self::Unbiased => Sampling::Unbiased.regions_per_axis(),
+            _ => settings.regions_per_axis,
+        };
+        Settings { policy, mode, regions_per_axis, ..settings.clone() }
     }
 }

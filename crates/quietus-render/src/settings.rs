@@ -36,6 +36,15 @@ impl Sampling {
         matches!(self, Self::Quietus | Self::Talk | Self::FreeRunning)
     }
 
+    /// Regions along each axis of the picture that it goes with best. Counts without bias are decided once, so that there is
+    /// no tree to rebuild in parts, and the more pilots decide together, the less is left to chance.
+    pub fn regions_per_axis(self) -> u32 {
+        match self {
+            Self::Unbiased => 1,
+            _ => quietus::Settings::new(1, 1).regions_per_axis,
+        }
+    }
+
     fn policy(self) -> Policy {
         match self {
             Self::Quietus => Policy::Quietus,
@@ -92,7 +101,7 @@ pub struct RenderSettings {
 pub struct Machinery {
     /// How many passes the tree that is consulted lags behind, 1 or 2; without meaning when free-running.
     pub lag: u32,
-    /// Regions along each axis, each with its own tree: the talk has 2.
+    /// Regions along each axis, each with its own tree: the talk has 2. See [`Sampling::regions_per_axis`].
     pub regions_per_axis: u32,
     /// How tiles are checked against trees.
     pub checks: Checks,
@@ -105,7 +114,7 @@ impl Default for Machinery {
         let library = quietus::Settings::new(1, 1);
         Self {
             lag: 2,
-            regions_per_axis: library.regions_per_axis,
+            regions_per_axis: Sampling::default().regions_per_axis(),
             checks: library.checks,
             rebuild: library.rebuild,
         }

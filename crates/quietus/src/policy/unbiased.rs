@@ -1,14 +1,14 @@
 //! Sampling that leaves every pixel's mean unbiased: a pixel's number of samples never depends on its own values.
 //!
-//! Pixels are coloured like a checkerboard. Every pixel first takes a pilot, as many samples as the settings say.
-//! How many samples a black pixel gets in all is decided by the pilots of white ones alone, and the other way
-//! round. Samples of different pixels are independent, so given its count a pixel's samples, its own pilot among
-//! them, are what they would have been with that count fixed in advance: the plain mean has the right expectation.
-//! `docs/method-unbiased.md` has the proof, what would break it, and what was tried.
+//! Every pixel first takes a pilot, as many samples as the settings say. How many samples it gets in all is decided by the
+//! pilots of other pixels. Samples of different pixels are independent, so given its count a pixel's samples, its own
+//! pilot among them, are what they would have been with that count fixed in advance: the plain mean has the right
+//! expectation. `docs/method-unbiased.md` has the proof, what would break it, and what was tried.
 //!
-//! Noise is estimated by windows of the other colour's pilots, mixed with the region's mean. Size of the window and
-//! weight of the mean are chosen by the pilots, too: by how well the window around each pixel of *their* colour,
-//! without the pixel itself, would have dealt samples to it (leave-one-out cross-validation), and that by more than chance.
+//! Noise is estimated by the window of pilots around a pixel, mixed with the region's mean, both without the pixel itself.
+//! Size of the window and weight of the mean are chosen by pilots, too: pixels are coloured like a checkerboard, and the
+//! choice for black ones is what would have dealt samples best among the white ones, each judged by the white window around
+//! it without itself (leave-one-out cross-validation), and that by more than chance; and the other way round.
 
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ const EVEN: Choice = (RADII[0], 0.0);
 /// often best by chance.
 const DOUBT: f64 = 2.0;
 
-/// Counts decided by pilots of the other colour.
+/// Counts decided by pilots of other pixels.
 pub struct UnbiasedRule {
     region: u32,
     scale: f64,
@@ -62,18 +62,13 @@ impl UnbiasedRule {
     /// Decides how many samples each pixel of the home tiles should have.
     fn decide(&mut self, errors: &ErrorPlane) {
         let home = self.masks.home;
-        self.wanted = vec![0.0; home.area() as usize];
         let range = [f64::from(self.next.1), f64::from(self.counts.max_samples)];
-        for color in [0, 1] {
-            let pilot = Pilot::new(errors, &self.masks.regions, self.region, color);
-            let choice = pilot.choose(self.scale, range);
-            for y in home.y0..home.y1 {
-                for x in (home.x0..home.x1).filter(|x| (x + y) % 2 != color) {
-                    let place = u64::from(y - home.y0) * u64::from(home.width()) + u64::from(x - home.x0);
-                    self.wanted[place as usize] = self.scale * pilot.noise(x, y, choice);
-                }
-            }
-        }
+        let pilots = Pilots::new(errors, &self.masks.regions, self.region);
+        // Black pixels take the choice of white ones, and the other way round.
+        let choices = [1, 0].map(|color| pilots.of_color(color).choose(self.scale, range));
+        let pixels = (home.y0..home.y1).flat_map(|y| (home.x0..home.x1).map(move |x| (x, y)));
+        let noise = |(x, y): (u32, u32)| pilots.noise_around(x, y, choices[((x + y) % 2) as usize]);
+        self.wanted = pixels.map(|pixel| self.scale * noise(pixel)).collect();
     }
 }
 
@@ -145,17 +140,17 @@ impl StoppingRule for UnbiasedRule {
 /// A window's radius and its weight against the region's mean.
 type Choice = (u32, f64);
 
-/// The pilots of one colour in a region's error area: their errors, and sums over windows of them.
-struct Pilot {
+/// Pilots in a region's error area: their errors, and sums over windows of them.
+struct Pilots {
     rect: PixelRect,
-    /// Error of each pixel, row by row; rejected in pixels of the other colour.
+    /// Error of each pixel, row by row; rejected where there is no pilot.
     errors: Vec<PixelError>,
     /// Summed-area table of the errors' steps and their number, with a row and a column of zeros in front.
     sums: Vec<(u64, u64)>,
 }
 
-impl Pilot {
-    fn new(plane: &ErrorPlane, regions: &Regions, region: u32, color: u32) -> Self {
+impl Pilots {
+    fn new(plane: &ErrorPlane, regions: &Regions, region: u32) -> Self {
         let rect = regions.error_rect(region);
         let width = rect.width() as usize;
         let mut errors = vec![PixelError::REJECTED; rect.area() as usize];
@@ -163,13 +158,31 @@ impl Pilot {
             let part = regions.grid().tile_rect(tile);
             let loaded = plane.load_tile(tile);
             for y in part.y0..part.y1 {
-                for x in (part.x0..part.x1).filter(|x| (x + y) % 2 == color) {
+                for x in part.x0..part.x1 {
                     let place = (y - rect.y0) as usize * width + (x - rect.x0) as usize;
                     errors[place] = loaded[((y - part.y0) * TILE_SIZE + x - part.x0) as usize];
                 }
             }
         }
         Self { rect, sums: summed_area(&errors, width), errors }
+    }
+
+    /// Those of the pixels of one colour of the checkerboard.
+    fn of_color(&self, color: u32) -> Self {
+        let mut errors = self.errors.clone();
+        for (place, error) in errors.iter_mut().enumerate() {
+            let (x, y) = self.pixel(place);
+            if (x + y) % 2 != color {
+                *error = PixelError::REJECTED;
+            }
+        }
+        Self { rect: self.rect, sums: summed_area(&errors, self.rect.width() as usize), errors }
+    }
+
+    /// The pixel at a place in the rows.
+    fn pixel(&self, place: usize) -> (u32, u32) {
+        let width = self.rect.width() as usize;
+        (self.rect.x0 + (place % width) as u32, self.rect.y0 + (place / width) as u32)
     }
 
     /// Sum of the steps and number of the pilots at most `radius` away from (x, y) on either axis.
@@ -193,11 +206,16 @@ impl Pilot {
         self.sums.last().and_then(|&sum| mean(sum))
     }
 
-    /// Noise of the pixel at (x, y), of the other colour. Without any pilot nothing is known, and noise may be
-    /// endless.
-    fn noise(&self, x: u32, y: u32, (radius, weight): Choice) -> f64 {
-        let Some(all) = self.mean() else { return f64::INFINITY };
-        let near = mean(self.window(x, y, radius)).unwrap_or(all);
+    /// Noise around the pixel at (x, y), whose own pilot is not looked at. Without any other nothing is known, and noise may
+    /// be endless.
+    fn noise_around(&self, x: u32, y: u32, (radius, weight): Choice) -> f64 {
+        let place = (y - self.rect.y0) as usize * self.rect.width() as usize + (x - self.rect.x0) as usize;
+        let own = self.errors[place];
+        // Sums are exact: what is left does not depend on the pixel, not even by rounding.
+        let others =
+            |(steps, count): (u64, u64)| mean((steps - own.steps(), count - u64::from(!own.is_rejected())));
+        let Some(all) = self.sums.last().and_then(|&sum| others(sum)) else { return f64::INFINITY };
+        let near = others(self.window(x, y, radius)).unwrap_or(all);
         weight * near + (1.0 - weight) * all
     }
 
@@ -222,10 +240,9 @@ impl Pilot {
 
     /// The error of each pilot, and the mean of the window around it without itself; `all` where there is no other.
     fn without_themselves(&self, radius: u32, all: f64) -> Vec<(f64, f64)> {
-        let width = self.rect.width() as usize;
         let pilots = self.errors.iter().enumerate().filter(|(_, error)| !error.is_rejected());
         let values = pilots.map(|(place, error)| {
-            let (x, y) = (self.rect.x0 + (place % width) as u32, self.rect.y0 + (place / width) as u32);
+            let (x, y) = self.pixel(place);
             let (sum, count) = self.window(x, y, radius);
             (error.steps() as f64 / STEPS, mean((sum - error.steps(), count - 1)).unwrap_or(all))
         });

@@ -174,7 +174,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending, Failure> {
             plan.budgets.len()
         ));
         let sweep = sweep(&study.bank, &study.reference, &plan)?;
-        let mut comparison = compare(study.bank.spec(), &study.reference, &sweep);
+        let mut comparison = compare(&study.bank, &study.reference, &sweep);
         if args.live > 0 {
             comparison.add_live(&render_live(args, source, &subject, &study, &sweep)?);
         }

@@ -4,8 +4,8 @@ use quietus_render::noise::Noise;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    BankSpec, Method, Reference, ReferenceSpec,
-    limit::limit,
+    Bank, BankSpec, Method, Reference, ReferenceSpec,
+    limit::{RayLimits, limit, ray_limits},
     live::Live,
     measure::{EnergyMeter, Measure, Structure},
     statistics::{Estimate, bootstrap, mean, mean_interval},
@@ -37,6 +37,8 @@ pub struct UniformCurve {
     /// What the best allocation that is blind to the values it keeps could gain ([`crate::limit`]); none
     /// where the error does not fall as noise does.
     pub limit: Option<f64>,
+    /// The same in rays.
+    pub ray_limits: Option<RayLimits>,
 }
 
 /// One method at one budget. Intervals are 95 % confidence over independent runs.
@@ -144,25 +146,31 @@ pub struct Bias {
 ///
 /// # Panics
 /// Where the sweep has no uniform series.
-pub fn compare(bank: &BankSpec, reference: &Reference, sweep: &[Series]) -> Comparison {
+pub fn compare(bank: &Bank, reference: &Reference, sweep: &[Series]) -> Comparison {
     let uniform: Vec<&Series> = sweep.iter().filter(|s| s.method == Method::Uniform).collect();
     assert!(!uniform.is_empty(), "a sweep is compared with its uniform series");
     let meter = EnergyMeter::new(reference);
     let curves: Vec<UniformCurve> =
-        Measure::ALL.iter().map(|&measure| uniform_curve(reference, measure, &uniform)).collect();
+        Measure::ALL.iter().map(|&measure| uniform_curve(bank, reference, measure, &uniform)).collect();
     Comparison {
-        bank: bank.clone(),
+        bank: bank.spec().clone(),
         reference: reference.spec.clone(),
         points: sweep.iter().map(|series| point(series, &uniform, &curves, &meter)).collect(),
         uniform: curves,
     }
 }
 
-fn uniform_curve(reference: &Reference, measure: Measure, uniform: &[&Series]) -> UniformCurve {
+fn uniform_curve(bank: &Bank, reference: &Reference, measure: Measure, uniform: &[&Series]) -> UniformCurve {
     let points: Vec<(f64, f64)> =
         uniform.iter().map(|s| (s.mean(|r| r.spp), s.mean(|r| r.errors.mean(measure)))).collect();
     let exponent = Curve::new(&points).exponent;
-    UniformCurve { measure, points, exponent, limit: limit(reference, measure, exponent) }
+    UniformCurve {
+        measure,
+        points,
+        exponent,
+        limit: limit(reference, measure, exponent),
+        ray_limits: ray_limits(reference, measure, exponent, bank.rays()),
+    }
 }
 
 /// Errors over samples on logarithmic scales, linear between the points, and the fitted line beyond.

@@ -45,7 +45,7 @@ fn bench() -> &'static Bench {
             ..Plan::new(&bank)
         };
         let sweep = sweep(&bank, &reference, &plan).unwrap();
-        let comparison = compare(bank.spec(), &reference, &sweep);
+        let comparison = compare(&bank, &reference, &sweep);
         Bench { bank, reference, sweep, comparison }
     })
 }

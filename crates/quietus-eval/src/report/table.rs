@@ -31,20 +31,23 @@ pub fn table(comparison: &Comparison, measure: Measure) -> String {
     for curve in &comparison.uniform {
         let _ = writeln!(
             text,
-            "  {:<8} uniform error falls as n^-{:.2}; limit of the gain {}",
+            "  {:<8} uniform error falls as n^-{:.2}; limit of the gain {}; in rays {}, for who knows what samples cost {}",
             curve.measure.name(),
             curve.exponent,
-            number(curve.limit, 3)
+            number(curve.limit, 3),
+            number(curve.ray_limits.map(|limits| limits.blind), 3),
+            number(curve.ray_limits.map(|limits| limits.knowing), 3)
         );
     }
     let _ = writeln!(
         text,
-        "{:<13}{:>7}{:>10} {:>10} {:>20} {:>7} {:>8} {:>7} {:>7} {:>7} {:>16} {:>16} {:>18} {:>17} {:>6} {:>7} {:>8} {:>12} {:>10} {:>20} {:>5}",
+        "{:<13}{:>7}{:>10} {:>10} {:>20} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>16} {:>16} {:>18} {:>17} {:>6} {:>7} {:>8} {:>12} {:>10} {:>20} {:>5}",
         "method",
         "spp",
         "target",
         format!("{} root", measure.name()),
         "gain",
+        "in rays",
         "share",
         "display%",
         "FLIP",
@@ -76,12 +79,13 @@ fn row(text: &mut String, point: &Point, measure: Measure) {
     let [blocks, steps, edges] = point.structure.map(|e| e.value);
     let _ = writeln!(
         text,
-        "{:<13}{:>7.1}{:>10} {:>10.5} {:>20} {:>7} {:>8.3} {:>7.4} {:>7.3} {:>7.3} {:>16} {:>16} {:>18} {:>17} {:>6.2} {:>7.2} {:>8.0} {:>12} {:>10} {:>20} {:>5}",
+        "{:<13}{:>7.1}{:>10} {:>10.5} {:>20} {:>7} {:>7.2} {:>8.3} {:>7.4} {:>7.3} {:>7.3} {:>16} {:>16} {:>18} {:>17} {:>6.2} {:>7.2} {:>8.0} {:>12} {:>10} {:>20} {:>5}",
         point.method.name(),
         point.spp,
         target,
         root(error),
         gain,
+        error.gain_in_rays.value,
         number(error.share_of_limit.map(|e| e.value), 2),
         100.0 * root(display),
         point.flip.value,

@@ -39,6 +39,8 @@ pub fn settings(sampling: Sampling) -> RenderSettings {
         time_limit: None,
         threads: NonZeroUsize::MIN,
         machinery: Machinery::default(),
+        weights: None,
+        aov_noise: [None; 3],
     }
 }
 

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use quietus_film::Window;
+use quietus_render::noise::Aov;
 
 use crate::after::compare::CompareArgs;
 use crate::after::convert::ConvertArgs;
@@ -181,6 +182,17 @@ pub(crate) struct RenderArgs {
     /// With --sampling quietus and uniform. [default: 1%, where nothing else says when to stop]
     #[arg(long, value_name = "P%", value_parser = parse_noise, conflicts_with_all = ["target_error", "spp"])]
     pub noise: Option<f64>,
+
+    /// Go on until the noise of alpha, albedo or normal is as low, too: the root mean square error of their values, in percent
+    /// of 1. Repeatable. With --noise.
+    #[arg(long, value_name = "NAME=P%", value_parser = parse_aov_noise, conflicts_with_all = ["target_error", "spp"])]
+    pub aov_noise: Vec<(Aov, f64)>,
+
+    /// Where error matters more: a picture of the full frame's size (PNG, EXR and others) whose brightness multiplies the error
+    /// of each pixel, when samples are dealt and when noise is measured. 0 does not matter, 1 (white in a PNG) is normal, more
+    /// than 1 (in an EXR) matters more. With --sampling quietus and uniform.
+    #[arg(long, value_name = "MAP")]
+    pub weight: Option<PathBuf>,
 
     /// Region error to stop at instead of a noise, in the library's units: smaller is cleaner and slower.
     /// [default with samplings that cannot go by noise: 0.001; not with uniform]
@@ -387,6 +399,17 @@ pub(crate) fn parse_noise(text: &str) -> Result<f64, String> {
     }
 }
 
+/// As a share.
+fn parse_aov_noise(text: &str) -> Result<(Aov, f64), String> {
+    let names = || Aov::ALL.map(Aov::name).join(", ");
+    let parts = text.split_once('=');
+    let aov = parts.and_then(|(name, _)| Aov::ALL.into_iter().find(|aov| aov.name() == name.trim()));
+    match aov.zip(parts) {
+        Some((aov, (_, noise))) => Ok((aov, parse_noise(noise.trim())?)),
+        None => Err(format!("expected one of {} and its noise, such as normal=2%", names())),
+    }
+}
+
 pub(crate) fn parse_factor(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(factor),
@@ -456,6 +479,10 @@ mod tests {
         assert_eq!(["1%", "1 %", "1"].map(parse_noise), [const { Ok(0.01) }; 3]);
         for bad in ["0", "-1%", "101%", "nan", "%", "1%%", ""] {
             assert!(parse_noise(bad).is_err(), "{bad}");
+        }
+        assert_eq!(parse_aov_noise("normal=2%"), Ok((Aov::Normal, 0.02)));
+        for bad in ["normal", "depth=1%", "alpha=0", "=1", ""] {
+            assert!(parse_aov_noise(bad).is_err(), "{bad}");
         }
         assert!(parse_factor("inf").is_err() && parse_limit("inf") == Ok(f32::INFINITY));
         assert_eq!(parse_time("90"), Ok(Duration::from_secs(90)));

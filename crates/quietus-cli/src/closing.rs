@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use quietus_film::RejectedSamples;
-use quietus_render::{Bound, Rendered, Sampling, StoppedBy};
+use quietus_render::{AovStatistics, Bound, Rendered, Sampling, StoppedBy};
 use serde::Serialize;
 
 use crate::plan::Plan;
@@ -83,15 +83,23 @@ pub(crate) fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered, wrot
         (statistics.noise_reached, statistics.noise_low, statistics.noise_high)
     {
         let interval = format!("(95 % interval {low:.2}-{high:.2})");
+        let weighted = if statistics.noise_is_weighted { ", weighted" } else { "" };
         text.push_str(&match statistics.noise_asked {
             Some(asked) => {
                 format!(
-                    "\nnoise: asked {asked} %, reached {reached:.2} % of white {interval}{}",
+                    "\nnoise{weighted}: asked {asked} %, reached {reached:.2} % of white {interval}{}",
                     bound(rendered)
                 )
             }
-            None => format!("\nnoise {reached:.2} % of white {interval}"),
+            None => format!("\nnoise{weighted} {reached:.2} % of white {interval}"),
         });
+    }
+    for aov in statistics.aov_noise.iter().filter(|aov| aov.asked.is_some()) {
+        let AovStatistics { name, asked, reached, low, high } = aov;
+        let asked = asked.unwrap_or_default();
+        text.push_str(&format!(
+            "\nnoise of {name}: asked {asked} %, reached {reached:.2} % (95 % interval {low:.2}-{high:.2})"
+        ));
     }
     for path in wrote {
         let shown = std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());

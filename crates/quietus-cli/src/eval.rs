@@ -224,8 +224,9 @@ fn study_spec(args: &EvalArgs) -> StudySpec {
 
 /// `--noise` and `--time`: what renders that are asked for them come to.
 fn show_goals(args: &EvalArgs) -> Result<Ending, Failure> {
-    use report::goals::{NOISE_HEAD, TIME_HEAD, noise_row, time_row};
-    let (mut all, mut rows) = (Vec::new(), [vec![NOISE_HEAD.to_owned()], vec![TIME_HEAD.to_owned()]]);
+    use report::goals::{FORESEEN_HEAD, NOISE_HEAD, TIME_HEAD, foreseen_row, noise_row, time_row};
+    let (mut all, mut rows) =
+        (Vec::new(), [NOISE_HEAD, FORESEEN_HEAD, TIME_HEAD].map(|head| vec![head.to_owned()]));
     for source in &args.scenes {
         let subject = subject(source)?.as_shown();
         let spec = study_spec(args);
@@ -243,16 +244,18 @@ fn show_goals(args: &EvalArgs) -> Result<Ending, Failure> {
                 max_samples: args.samples.map_or(u32::MAX, |samples| samples.saturating_mul(2)),
             };
             let runs = goal_runs(&subject, &reference, &plan)?;
-            let (table, row) = match asked {
-                Asked::Noise(noise) => (0, noise_row(&subject.name, noise, &runs)),
-                Asked::Time(_) => (1, time_row(&subject.name, asked, &runs)),
-            };
-            say::aside(&row);
-            rows[table].push(row);
+            match asked {
+                Asked::Noise(noise) => {
+                    rows[0].push(noise_row(&subject.name, noise, &runs));
+                    rows[1].push(foreseen_row(&subject.name, noise, &runs));
+                }
+                Asked::Time(_) => rows[2].push(time_row(&subject.name, asked, &runs)),
+            }
+            rows.iter().filter(|rows| rows.len() > 1).for_each(|rows| say::aside(&rows[rows.len() - 1]));
             all.push((subject.name.clone(), runs));
         }
     }
-    rows.iter().filter(|rows| rows.len() > 1).for_each(|rows| say::result(rows.join("\n")));
+    rows.iter().filter(|rows| rows.len() > 1).for_each(|rows| say::result(rows.join("\n") + "\n"));
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::internal(e.to_string()))?;
         write(path, &text)?;

@@ -45,8 +45,17 @@ pub(crate) struct KeepingArgs {
 const EVERY: Duration = Duration::from_secs(300);
 
 /// Settings without a say in the picture, or no other than the content of files.
-const FREE: [&str; 8] =
-    ["version", "scene", "environment", "from_scene", "threads", "checks", "rebuild", "time_limit_seconds"];
+const FREE: [&str; 9] = [
+    "version",
+    "scene",
+    "environment",
+    "weight",
+    "from_scene",
+    "threads",
+    "checks",
+    "rebuild",
+    "time_limit_seconds",
+];
 
 /// Settings that a render may go on to in one direction.
 const ONE_WAY: [(&str, Direction); 3] =

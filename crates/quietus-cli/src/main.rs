@@ -21,6 +21,7 @@ mod timeline;
 mod trace_file;
 mod viewing;
 mod watching;
+mod weight;
 mod wishes;
 
 use std::process::ExitCode;

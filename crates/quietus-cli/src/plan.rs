@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use quietus::{Checks, Rebuild};
 use quietus_film::{Layout, OutputFormat, Window, check_writable};
+use quietus_render::noise::{Aov, OfAovs};
 use quietus_render::{Goal, Machinery, RenderSettings, Sampling, available_memory};
 use quietus_trace::desc::{Camera, PictureDefaults};
 use quietus_trace::filter::Filter;
@@ -48,6 +49,11 @@ impl Plan {
         if args.tree.is_some() && !sampling.has_tree() {
             return Err(Failure::usage("--tree needs a tree: --sampling quietus, talk or free-running"));
         }
+        if args.weight.is_some() && !sampling.can_forecast() {
+            return Err(Failure::usage(
+                "--weight is for --sampling quietus and uniform: the others deal no samples by the error of a pixel alone",
+            ));
+        }
         let timeline = Timeline::new(args)?;
         let outputs = outputs(args, timeline.as_ref())?;
         let threads = match args.threads {
@@ -55,6 +61,11 @@ impl Plan {
             None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
         };
         let goal = goal(args, sampling)?;
+        if !args.aov_noise.is_empty() && !matches!(goal, Goal::Noise(_)) {
+            return Err(Failure::usage(
+                "--aov-noise goes with --noise: nothing else looks at the noise of a picture",
+            ));
+        }
         sample_limits(args, sampling, goal, None)?;
         Ok(Self { sampling, goal, outputs, threads, timeline })
     }
@@ -91,6 +102,8 @@ impl Plan {
             time_limit: args.time,
             threads: self.threads,
             machinery: machinery(args, self.sampling),
+            weights: None,
+            aov_noise: aov_noise(args),
         };
         let depth = picture.max_depth.map(|depth| depth.clamp(1, MOST_DEPTH as u32));
         let look = Look {
@@ -144,6 +157,12 @@ pub(crate) struct Look {
     pub exposure: Vec3,
     /// Largest component of a sample.
     pub max_component: f32,
+}
+
+/// The last that was asked for of each.
+fn aov_noise(args: &RenderArgs) -> OfAovs<f64> {
+    let asked = |aov: Aov| args.aov_noise.iter().rfind(|(other, _)| *other == aov).map(|(_, noise)| *noise);
+    Aov::ALL.map(asked)
 }
 
 /// Width and height of the full frame.

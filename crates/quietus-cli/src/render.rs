@@ -25,6 +25,7 @@ use crate::say;
 use crate::source::{Source, scene_name};
 use crate::viewing::{Viewing, goes_by_noise};
 use crate::watching::{Onlookers, Subject};
+use crate::weight;
 
 /// Everything a picture needs, loaded and checked.
 pub(crate) struct Ready {
@@ -188,7 +189,8 @@ fn prepare(
     let animation = source.animation_name().unwrap_or_default();
     let report = Settings::new(args, &decided, &camera.name)
         .with_moment(moment.map(|(timeline, frame)| (timeline, frame, animation)));
-    let Decided { settings, look, followed } = decided;
+    let Decided { mut settings, look, followed } = decided;
+    settings.weights = args.weight.as_deref().map(|path| weight::read(path, settings.frame)).transpose()?;
     if !followed.is_empty() {
         let texts: Vec<_> = followed.into_iter().map(|wish| wish.text).collect();
         say::aside(format_args!("{} asks for: {}", scene_name(args), texts.join("; ")));

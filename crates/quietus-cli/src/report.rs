@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use glam::Affine3A;
 use quietus::{Checks, Rebuild};
 use quietus_film::{Metadata, OutputError, write_atomically};
+use quietus_render::noise::Aov;
 use quietus_render::{Goal, RenderSettings, Rendered, Sampling, Statistics, StoppedBy};
 use serde::Serialize;
 use serde_json::Value;
@@ -34,6 +35,8 @@ pub(crate) struct Settings {
     crop: [u32; 4],
     sampling: &'static str,
     noise: Option<f64>,
+    weight: Option<String>,
+    aov_noise: Option<String>,
     target_error: Option<f64>,
     min_samples: Option<u32>,
     max_samples: Option<u32>,
@@ -76,6 +79,8 @@ impl Settings {
             crop: [window.x0, window.y0, window.x1, window.y1],
             sampling: sampling_name(settings.sampling),
             noise: noise(settings.goal),
+            weight: args.weight.as_deref().map(path),
+            aov_noise: aov_noise(settings),
             target_error: target_error(settings.goal),
             min_samples: adaptive.then_some(settings.min_samples),
             max_samples: (settings.max_samples < u32::MAX).then_some(settings.max_samples),
@@ -136,6 +141,14 @@ impl Settings {
     }
 }
 
+/// Names and percents.
+fn aov_noise(settings: &RenderSettings) -> Option<String> {
+    let asked = Aov::ALL.into_iter().zip(settings.aov_noise);
+    let asked = asked.filter_map(|(aov, noise)| Some(format!("{}={}", aov.name(), 100.0 * noise?)));
+    let asked = asked.collect::<Vec<_>>().join(",");
+    (!asked.is_empty()).then_some(asked)
+}
+
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 fn noise(goal: Goal) -> Option<f64> {
@@ -181,7 +194,18 @@ pub(crate) fn result_metadata(rendered: &Rendered) -> Metadata {
     ];
     let noise = noise.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?.to_string())));
     let ending = ("stopped_by".to_owned(), stopped_by(rendered.stopped_by).to_owned());
-    std::iter::once(ending).chain(noise).collect()
+    let aovs = rendered.statistics.aov_noise.iter().flat_map(|aov| {
+        let values = [
+            ("asked", aov.asked),
+            ("reached", Some(aov.reached)),
+            ("low", Some(aov.low)),
+            ("high", Some(aov.high)),
+        ];
+        values
+            .into_iter()
+            .filter_map(|(what, value)| Some((format!("{}_noise_{what}", aov.name), value?.to_string())))
+    });
+    std::iter::once(ending).chain(noise).chain(aovs).collect()
 }
 
 /// What files call the end of a render.

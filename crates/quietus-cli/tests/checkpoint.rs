@@ -175,6 +175,49 @@ fn a_finished_render_goes_on_to_less_noise_and_loses_nothing() {
 }
 
 #[test]
+fn crops_killed_again_and_again_end_with_the_same_bits() {
+    let crop = "render --size 64x48 --crop 13,7,53,31 --max-depth 6 --noise 4% -o a.exr";
+    let expected = uninterrupted(crop);
+    let dir = dir();
+    let kills = drawn_under_fire(dir.path(), crop, 150, 8, 4);
+    assert!(kills >= 3, "only {kills} times killed");
+    assert!(picture(dir.path()) == expected);
+}
+
+#[test]
+fn frames_go_on_where_they_were_killed() {
+    // A camera before an emitter under a sky; nothing moves, so that frames differ by their numbers alone.
+    let scene = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5126, "count": 2, "type": "SCALAR"},
+            {"componentType": 5126, "count": 2, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 1, "byteLength": 8}],
+        "buffers": [{"byteLength": 36, "uri":
+            "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"},
+            {"byteLength": 8, "uri": "data:application/octet-stream;base64,AACAPwAAAEA="}],
+        "animations": [{"channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+            "samplers": [{"input": 1, "output": 2}]}]}"#;
+    let flags = "render scene.gltf --frames 3-4 --size 64x48 --noise 0.3% -o a.####.exr";
+    let drawn =
+        |folder: &Path| ["a.0003.exr", "a.0004.exr"].map(|name| read_exr(&folder.join(name)).unwrap().0);
+    let expected = {
+        let dir = dir();
+        std::fs::write(dir.path().join("scene.gltf"), scene).unwrap();
+        succeeds(dir.path(), flags);
+        drawn(dir.path())
+    };
+    let dir = dir();
+    std::fs::write(dir.path().join("scene.gltf"), scene).unwrap();
+    let kills = drawn_under_fire(dir.path(), flags, 150, 8, 6);
+    assert!(kills >= 3, "only {kills} times killed");
+    assert!(drawn(dir.path()) == expected);
+    // Each frame has a state of its own: the first alone is gone on from, and is finished.
+    let files = ["c.0003.qck", "c.0004.qck"].map(|name| dir.path().join(name).exists());
+    assert_eq!(files, [true, true]);
+}
+
+#[test]
 fn a_checkpoint_of_something_else_is_refused_with_what_differs() {
     let dir = finished();
     let resume = "--checkpoint c.qck --resume";
@@ -188,6 +231,27 @@ fn a_checkpoint_of_something_else_is_refused_with_what_differs() {
         let message = refused(dir.path(), &format!("{PICTURE} {flags} {resume}"), 3);
         assert!(message.contains(expected), "{flags}: {message}");
     }
+    // The same map of weights under another name, and another one.
+    let map = |name: &str, value: u8| {
+        image::GrayImage::from_pixel(48, 32, image::Luma([value])).save(dir.path().join(name)).unwrap();
+    };
+    map("map.png", 200);
+    map("same.png", 200);
+    map("other.png", 100);
+    let message = refused(dir.path(), &format!("{PICTURE} --weight map.png {resume}"), 3);
+    assert!(message.contains("the file map.png was not part of the scene"), "{message}");
+    let weighted = "render --size 48x32 --noise 9% --max-depth 4 -o b.exr --checkpoint w.qck";
+    succeeds(dir.path(), &format!("{weighted} --weight map.png --aov-noise normal=9%"));
+    let differs = |flags: &str| {
+        let output = quietus(dir.path(), &format!("{weighted} {flags} --resume"));
+        assert_eq!(output.status.code(), Some(3), "{flags}: {}", stderr(&output));
+        stderr(&output)
+    };
+    let message = differs("--weight other.png --aov-noise normal=9%");
+    assert!(message.contains("other.png was not part of the scene"), "{message}");
+    let message = differs("--weight map.png --aov-noise normal=5%");
+    assert!(message.contains("aov_noise was normal=9, is normal=5"), "{message}");
+    succeeds(dir.path(), &format!("{weighted} --weight map.png --aov-noise normal=9% --resume"));
     // Another scene, and then the same with another content.
     let triangle = |albedo: &str| {
         let text = format!(
@@ -228,7 +292,7 @@ fn broken_checkpoints_are_told_apart_and_kept() {
     }
     let mut other = whole.clone();
     other[8] += 1;
-    assert!(said(&other).contains("version 2 of its format"));
+    assert!(said(&other).contains("version 3 of its format"));
     assert!(said(b"PNG").contains("is no checkpoint"));
     assert!(said(b"").contains("is no checkpoint"));
     // Nobody overwrites what was saved by asking for the same again.

@@ -54,9 +54,18 @@ pub struct GoalRun {
     pub bound: bool,
     /// Seconds it took.
     pub seconds: f64,
-    /// The time it was expected to take in all, over the time it took: as it said after a tenth, and after half of it.
-    pub expected: [Option<f64>; 2],
+    /// The time it was expected to take in all, over the time it took: as it said at [`MOMENTS`]. `None` where it said
+    /// nothing.
+    pub expected: [Option<f64>; MOMENTS.len()],
+    /// The samples it was expected to draw in all, over those it drew: as it said at [`MOMENTS`] of its samples. Unlike times
+    /// they do not depend on what else the machine had to do.
+    pub expected_samples: [Option<f64>; MOMENTS.len()],
+    /// What it said all along, as far as it said something: seconds since its start, and those it would take in all.
+    pub foreseen: Vec<[f64; 2]>,
 }
+
+/// Shares of a render's time at which its guess at the end is looked at.
+pub const MOMENTS: [f64; 4] = [0.1, 0.25, 0.5, 0.75];
 
 impl GoalRun {
     /// The true noise.
@@ -95,10 +104,12 @@ fn goal_run(
     let look = &reference.spec.look;
     let view = subject.view(look, seed)?;
     let tracer = PathTracer { scene: &subject.scene, view: &view };
-    let mut readings = Vec::new();
+    let (mut readings, mut foreseen_samples) = (Vec::new(), Vec::new());
     let mut watch = |watched: &Watched<'_>| {
         let progress = &watched.progress;
+        let samples = (progress.samples as f64, progress.foreseen_samples);
         readings.push((progress.elapsed.as_secs_f64(), progress.remaining.map(|left| left.as_secs_f64())));
+        foreseen_samples.push(samples);
     };
     let mut control = Control { cancel: &AtomicBool::new(false), watch: &mut watch, live: None };
     let rendered = render(&tracer, &settings(look, plan), &mut control)
@@ -108,10 +119,16 @@ fn goal_run(
     let picture = Picture { width: look.width, height: look.height, rgb };
     let statistics = &rendered.statistics;
     let seconds = statistics.wall_seconds;
-    let expected = [0.1, 0.5].map(|share| {
+    let expected = MOMENTS.map(|share| {
         let reading = readings.iter().find(|(elapsed, _)| *elapsed >= share * seconds)?;
         Some((reading.0 + reading.1?) / seconds)
     });
+    let samples = statistics.samples as f64;
+    let expected_samples = MOMENTS.map(|share| {
+        let reading = foreseen_samples.iter().find(|(drawn, _)| *drawn >= share * samples)?;
+        Some(reading.1? / samples)
+    });
+    let foreseen = readings.iter().filter_map(|&(elapsed, left)| Some([elapsed, elapsed + left?])).collect();
     Ok(GoalRun {
         reported: rendered.noise.map(|noise| [noise.reached, noise.low, noise.high]),
         true_square: errors(&picture, reference).mean(Measure::Display),
@@ -121,6 +138,8 @@ fn goal_run(
         bound: matches!(rendered.bound, Some(Bound::MinSamples | Bound::MaxSamples)),
         seconds,
         expected,
+        expected_samples,
+        foreseen,
     })
 }
 
@@ -139,5 +158,7 @@ fn settings(look: &Look, plan: &GoalPlan) -> RenderSettings {
         time_limit,
         threads: NonZeroUsize::MIN,
         machinery: Machinery::default(),
+        weights: None,
+        aov_noise: [None; 3],
     }
 }

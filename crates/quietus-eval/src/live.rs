@@ -133,6 +133,8 @@ fn render_settings(method: Method, settings: &Settings) -> RenderSettings {
             rebuild: settings.rebuild,
             ..Machinery::default()
         },
+        weights: None,
+        aov_noise: [None; 3],
     }
 }
 

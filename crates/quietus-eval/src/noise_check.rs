@@ -20,6 +20,8 @@ pub(crate) fn reported_noise(bank: &Bank, replay: &Replay, run: u64) -> Option<N
         halves: &replay.halves,
         means: &replay.picture.rgb,
         counts: &replay.counts,
+        weights: None,
+        aovs: None,
     };
     let picks = pick(&finished, Effort::REPORT, |index| {
         Random::new(run ^ 0x6e6f_6973, index).next() as f64 / 2.0_f64.powi(64)

@@ -3,7 +3,7 @@
 use quietus::{AdaptiveSampling, PassCounts, Policy};
 use serde::{Deserialize, Serialize};
 
-use crate::noise::{Finished, pooled_differences, squared_differences};
+use crate::noise::{Finished, edges, pooled_differences};
 
 /// Pixels that a forecast looks at, about: spread evenly, they stand for all.
 const PIXELS: usize = 1 << 16;
@@ -14,9 +14,6 @@ const LARGEST_FACTOR: f64 = 1e12;
 /// Factors are found to this precision.
 const FACTOR_STEP: f64 = 1.002;
 
-/// And those of guesses to this one.
-const GUESS_STEP: f64 = 1.03;
-
 /// Logarithm of a fall below which the exponent is not learnt from it.
 const LEAST_FALL: f64 = 0.3;
 
@@ -25,6 +22,8 @@ const LEAST_FALL: f64 = 0.3;
 struct Pixel {
     /// Its squared error by the difference of halves.
     square: f64,
+    /// How much alpha, albedo and normal differ around it.
+    edge: f64,
     /// Its samples.
     count: u32,
     /// The samples it is to have as things are.
@@ -40,6 +39,8 @@ pub(crate) struct Ahead {
     pub(crate) samples: f64,
     /// Mean squared error, over that there is.
     pub(crate) square: f64,
+    /// Mean squared error of alpha, albedo and normal, over that there is.
+    pub(crate) edges: f64,
 }
 
 /// The pixels of a forecast that was made earlier.
@@ -59,6 +60,17 @@ impl Past {
         let fell = (before / square(|_, after| after.square)).ln();
         let expected = (before / expected).ln();
         (expected > LEAST_FALL && fell.is_finite()).then(|| fell / expected)
+    }
+
+    /// What the mean squared error of alpha, albedo and normal should have been multiplied by until `later`, by independent
+    /// samples; `None` where there are too few more to tell.
+    pub(crate) fn edges_to(&self, later: &Forecast) -> Option<f64> {
+        let pairs = || self.0.iter().zip(&later.pixels);
+        let left = |(before, after): (&Pixel, &Pixel)| {
+            before.edge * f64::from(before.count) / f64::from(after.count.max(1))
+        };
+        let ratio = pairs().map(left).sum::<f64>() / pairs().map(|(before, _)| before.edge).sum::<f64>();
+        (-ratio.ln() > LEAST_FALL).then_some(ratio)
     }
 }
 
@@ -82,12 +94,14 @@ impl Forecast {
         let squares = pooled_differences(picture);
         // Squares are sums over three channels, and the mean of two halves is off by half their difference.
         let square = squares.iter().sum::<f64>() / squares.len() as f64 / 12.0;
+        let edges = edges(picture);
         let stride = squares.len().div_ceil(PIXELS).max(1);
         let mut pixels = Vec::with_capacity(squares.len().div_ceil(stride));
         for_each_pixel(sampling, |place, count, quota| {
             // Neighbouring rows start at different places.
             if (place + place / picture.width).is_multiple_of(stride) {
-                pixels.push(Pixel { square: squares[place], count, quota });
+                let edge = edges.as_ref().map_or(1.0, |edges| edges[place]);
+                pixels.push(Pixel { square: squares[place], edge, count, quota });
             }
         });
         let is_dealt = sampling.settings().policy == Policy::Quietus;
@@ -105,48 +119,22 @@ impl Forecast {
         Past(self.pixels.clone())
     }
 
-    /// The samples that a picture will take to the noise `asked` for, guessed from what it looks like while every pixel has
-    /// about the same few samples, at least `least`: dealt in proportion to noise, or to all alike.
-    pub(crate) fn guess(picture: &Finished<'_>, asked: f64, least: f64, is_dealt: bool) -> f64 {
-        let pixels = picture.counts.len() as f64;
-        let goal = asked.powi(2) * pixels;
-        // Noise of a sample: the pixel's own, and pooled to deal by.
-        let noises: Vec<[f64; 2]> = squared_differences(picture)
-            .iter()
-            .zip(pooled_differences(picture))
-            .zip(picture.counts)
-            .map(|((own, pooled), &count)| [own, &pooled].map(|square| square / 12.0 * f64::from(count)))
-            .collect();
-        if !is_dealt {
-            return (noises.iter().map(|[own, _]| own).sum::<f64>() / goal).max(least) * pixels;
-        }
-        let roots: Vec<f64> = noises.iter().map(|[_, pooled]| pooled.sqrt()).collect();
-        let left = |scale: f64| -> f64 {
-            noises.iter().zip(&roots).map(|([own, _], root)| own / (scale * root).max(least)).sum()
-        };
-        let (mut below, mut above) = (1.0, LARGEST_FACTOR);
-        while above / below > GUESS_STEP {
-            let middle = f64::sqrt(below * above);
-            match left(middle) > goal {
-                true => below = middle,
-                false => above = middle,
-            }
-        }
-        roots.iter().map(|root| (above * root).max(least)).sum()
-    }
-
     /// With quotas larger by `factor`.
     pub(crate) fn at(&self, factor: f64) -> Ahead {
         let (mut samples, mut square, mut samples_now, mut square_now) = (0.0, 0.0, 0.0, 0.0);
+        let (mut edges, mut edges_now) = (0.0, 0.0);
         for pixel in &self.pixels {
             let (now, then) = (f64::from(pixel.count), f64::from(self.count(pixel, factor)));
             samples += then;
             samples_now += now;
             square += pixel.square * (now.max(1.0) / then.max(1.0)).powf(self.fall);
             square_now += pixel.square;
+            edges += pixel.edge * now.max(1.0) / then.max(1.0);
+            edges_now += pixel.edge;
         }
         let square = if square_now > 0.0 { square / square_now } else { 1.0 };
-        Ahead { factor, samples: samples / f64::max(samples_now, 1.0), square }
+        let edges = if edges_now > 0.0 { edges / edges_now } else { 1.0 };
+        Ahead { factor, samples: samples / f64::max(samples_now, 1.0), square, edges }
     }
 
     /// The least factor at which `is_enough`, which must stay so for all larger ones; `None` where it never is.
@@ -209,16 +197,85 @@ fn steps(counts: &PassCounts) -> Vec<u32> {
     std::iter::successors(Some(0), next).collect()
 }
 
-/// The samples that all pixels will have if quotas are multiplied by `factor`; `None` where there are none yet.
-pub(crate) fn samples_at(sampling: &AdaptiveSampling, factor: f64) -> Option<f64> {
-    (0..sampling.grid().tiles()).find_map(|tile| sampling.quotas(tile))?;
-    let counts = sampling.settings().pass_counts();
-    let steps = steps(&counts);
-    let mut sum = 0.0;
-    for_each_pixel(sampling, |_, count, quota| {
-        sum += f64::from(count_at(&steps, &counts, count, factor * quota));
-    });
-    Some(sum)
+/// A pixel and what it is to have.
+#[derive(Clone, Copy, Debug)]
+struct DealtPixel {
+    tile: u32,
+    count: u32,
+    quota: f64,
+}
+
+/// Counts and quotas of a picture that is being drawn.
+pub(crate) struct Dealt {
+    /// Some, spread evenly.
+    pixels: Vec<DealtPixel>,
+    /// Pixels that each of them stands for.
+    stands_for: f64,
+    /// Those that were asked for.
+    asked: Vec<DealtPixel>,
+    steps: Vec<u32>,
+    counts: PassCounts,
+    /// What every pixel will have in any case.
+    least: u32,
+}
+
+impl Dealt {
+    /// Of a round of sampling, and of the pixels `asked` (row by row). `None` where samples are to be dealt and there are no
+    /// quotas yet.
+    pub(crate) fn of(sampling: &AdaptiveSampling, asked: impl Iterator<Item = usize>) -> Option<Self> {
+        let (grid, settings) = (sampling.grid(), sampling.settings());
+        let is_dealt = settings.policy != Policy::Uniform;
+        let counts = settings.pass_counts();
+        let least = counts.after(counts.min_passes());
+        if is_dealt && (0..grid.tiles()).any(|tile| sampling.quotas(tile).is_none()) {
+            return None;
+        }
+        let stride = (grid.rect().area() as usize).div_ceil(PIXELS).max(1);
+        let (mut pixels, mut place) = (Vec::new(), 0);
+        let dealt = |tile: u32, pixel: u8, quotas: Option<&[f32; 64]>| {
+            let count = sampling.counts().pixel(tile, pixel);
+            let quota = quotas.map_or(f64::from(least), |quotas| quotas[usize::from(pixel)].into());
+            DealtPixel { tile, count, quota }
+        };
+        for tile in 0..grid.tiles() {
+            let quotas = sampling.quotas(tile);
+            for pixel in quietus::active_mask::pixels(grid.full_mask(tile)) {
+                place += 1;
+                if place % stride == 0 {
+                    pixels.push(dealt(tile, pixel, quotas.as_ref()));
+                }
+            }
+        }
+        let asked = asked.map(|pixel| {
+            let (x, y) = (pixel as u32 % grid.width(), pixel as u32 / grid.width());
+            let tile = y / 8 * grid.width().div_ceil(8) + x / 8;
+            dealt(tile, (y % 8 * 8 + x % 8) as u8, sampling.quotas(tile).as_ref())
+        });
+        let asked = asked.collect();
+        let steps = if is_dealt { steps(&counts) } else { Vec::new() };
+        Some(Self { pixels, stands_for: stride as f64, asked, steps, counts, least })
+    }
+
+    /// What a pixel will have if quotas are multiplied by `factor`.
+    fn then(&self, pixel: &DealtPixel, factor: f64) -> u32 {
+        count_at(&self.steps, &self.counts, pixel.count.max(self.least), factor * pixel.quota)
+    }
+
+    /// The same for the pixel that was asked for as number `asked`.
+    pub(crate) fn asked(&self, asked: usize, factor: f64) -> f64 {
+        self.then(&self.asked[asked], factor).into()
+    }
+
+    /// Samples of all pixels if quotas are multiplied by `factor`; and what was drawn and is left then, where samples of each
+    /// tile cost `costs`.
+    pub(crate) fn left(&self, factor: f64, costs: &[f64]) -> [f64; 3] {
+        let sums = self.pixels.iter().fold([0.0; 3], |[samples, drawn, left], pixel| {
+            let (now, then) = (f64::from(pixel.count), f64::from(self.then(pixel, factor)));
+            let cost = costs[pixel.tile as usize];
+            [samples + then, drawn + cost * now, left + cost * (then - now)]
+        });
+        sums.map(|sum| sum * self.stands_for)
+    }
 }
 
 /// Calls `look` with place (row by row), samples and quota of each pixel.

@@ -6,6 +6,7 @@
 
 pub mod checkpoint;
 mod clock;
+mod costs;
 mod crew;
 mod fault;
 mod forecast;
@@ -18,11 +19,13 @@ mod progress;
 mod recording;
 mod rounds;
 mod run;
+mod scout;
 mod settings;
 mod statistics;
 mod steering;
 mod timeline;
 mod tracer;
+mod weights;
 
 pub use fault::Fault;
 pub use live::Live;
@@ -33,6 +36,7 @@ pub use recording::{Recording, RecordingFile};
 pub use rounds::{Keeping, go_on, render, render_keeping};
 pub use run::{Bound, Control, RenderError, Rendered, StoppedBy, Watched};
 pub use settings::{Goal, Machinery, RenderSettings, Sampling};
-pub use statistics::{LoggedRebuild, MOST_LOGGED, SampleStatistics, Statistics};
+pub use statistics::{AovStatistics, LoggedRebuild, MOST_LOGGED, SampleStatistics, Statistics};
 pub use timeline::TIMELINE;
 pub use tracer::{PathTracer, Tracer};
+pub use weights::{Weights, WeightsError};

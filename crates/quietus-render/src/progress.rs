@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::noise::Noise;
+use crate::outlook::Left;
 
 /// What is known of the noise of a render that was asked for it, as a share of white.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +36,8 @@ pub struct Progress {
     pub converged_fraction: f64,
     /// Guessed time until the end; `None` while there is nothing to guess from.
     pub remaining: Option<Duration>,
+    /// Guessed samples of the picture in the end; `None` while there is nothing to guess from.
+    pub foreseen_samples: Option<f64>,
     /// The noise, where it was asked for.
     pub noise: Option<NoiseProgress>,
 }
@@ -50,8 +53,8 @@ const LEAST_SHARE: f64 = 0.02;
 struct Point {
     seconds: f64,
     samples: u64,
-    /// Samples, those that measure the noise included.
-    work: f64,
+    /// Seconds of one thread, those that measured the noise included.
+    spent: f64,
     rays: u64,
     converged: f64,
 }
@@ -61,12 +64,12 @@ struct Point {
 pub(crate) struct Drawn {
     /// Samples in the picture.
     pub(crate) samples: u64,
-    /// Samples that measured its noise.
-    pub(crate) measuring: u64,
     /// Rays traced for the picture.
     pub(crate) rays: u64,
-    /// Samples of both kinds that there are expected to be in the end, where that is known.
-    pub(crate) total: Option<f64>,
+    /// Seconds of one thread that were spent, for the picture and on measuring its noise.
+    pub(crate) spent: f64,
+    /// What there is expected to be in the end, where that is known.
+    pub(crate) total: Option<Left>,
 }
 
 /// Turns readings into [`Progress`].
@@ -86,14 +89,13 @@ impl Estimator {
     }
 
     pub(crate) fn reading(&mut self, elapsed: Duration, drawn: Drawn, converged: f64) -> Progress {
-        let Drawn { samples, measuring, rays, total } = drawn;
-        let work = (samples + measuring) as f64;
-        let now = Point { seconds: elapsed.as_secs_f64(), samples, work, rays, converged };
+        let Drawn { samples, rays, spent, total } = drawn;
+        let now = Point { seconds: elapsed.as_secs_f64(), samples, spent, rays, converged };
         let since = now.seconds * (1.0 - RECENT);
         while self.history.len() > 1 && self.history[1].seconds <= since {
             self.history.pop_front();
         }
-        let start = Point { seconds: 0.0, samples: 0, work: 0.0, rays: 0, converged: 0.0 };
+        let start = Point { seconds: 0.0, samples: 0, spent: 0.0, rays: 0, converged: 0.0 };
         let before = self.history.front().copied().unwrap_or(start);
         self.history.push_back(now);
         let span = (now.seconds - before.seconds).max(1e-9);
@@ -108,21 +110,23 @@ impl Estimator {
             rays_per_second,
             converged_fraction: converged,
             remaining: self.remaining(before, now, total).map(Duration::from_secs_f64),
+            foreseen_samples: total.map(|total| total.samples).filter(|samples| samples.is_finite()),
             noise: None,
         }
     }
 
-    /// The least of three ends: the samples that the render is expected to take or, where nobody knows, the share converged
+    /// The least of three ends: the work that the render is expected to take or, where nobody knows, the share converged
     /// grows on as lately; the most samples possible; the time limit.
-    fn remaining(&self, before: Point, now: Point, total: Option<f64>) -> Option<f64> {
+    fn remaining(&self, before: Point, now: Point, total: Option<Left>) -> Option<f64> {
         let span = (now.seconds - before.seconds).max(1e-9);
+        let at_rate = |left: f64, rate: f64| (rate > 0.0).then(|| left.max(0.0) / rate);
         let growth = (now.converged - before.converged) / span;
         let by_share =
             || (now.converged >= LEAST_SHARE && growth > 0.0).then(|| (1.0 - now.converged) / growth);
-        let rate = (now.work - before.work) / span;
-        let until = |samples: f64| (rate > 0.0).then(|| (samples - now.work).max(0.0) / rate);
-        let by_share = if total.is_some() { total.and_then(until) } else { by_share() };
-        let by_samples = self.most_samples.and_then(until);
+        let by_work = |total: Left| at_rate(total.seconds - now.spent, (now.spent - before.spent) / span);
+        let by_share = if total.is_some() { total.and_then(by_work) } else { by_share() };
+        let rate = now.samples.saturating_sub(before.samples) as f64 / span;
+        let by_samples = self.most_samples.and_then(|most| at_rate(most - now.samples as f64, rate));
         let by_limit = self.limit.map(|limit| limit - now.seconds);
         let least = [by_share, by_samples, by_limit].into_iter().flatten().reduce(f64::min)?;
         // A guess of centuries helps nobody, and would not fit a `Duration` for ever.
@@ -139,7 +143,7 @@ mod tests {
         let mut last = None;
         for i in 1..=50 {
             let (samples, rays) = (1000 * u64::from(i), 5000 * u64::from(i));
-            let drawn = Drawn { samples, rays, ..Drawn::default() };
+            let drawn = Drawn { samples, rays, spent: 0.5 * f64::from(i), ..Drawn::default() };
             last = Some(estimator.reading(seconds(i), drawn, converged(f64::from(i) / 50.0)));
         }
         last.unwrap()
@@ -162,8 +166,9 @@ mod tests {
     fn what_is_known_of_the_end_goes_before_what_is_guessed_of_it() {
         let mut estimator = Estimator::new(100, None, None);
         run(&mut estimator, |t| 0.25 * t);
-        // 100 samples in a tenth of a second.
-        let drawn = Drawn { samples: 51_000, measuring: 0, rays: 0, total: Some(71_000.0) };
+        // Five threads.
+        let total = Some(Left { samples: 0.0, seconds: 35.5 });
+        let drawn = Drawn { samples: 51_000, spent: 25.5, total, ..Drawn::default() };
         let progress = estimator.reading(Duration::from_millis(5100), drawn, 0.25);
         assert!((left(&progress) - 2.0).abs() < 0.1, "{progress:?}");
     }

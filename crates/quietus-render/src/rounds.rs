@@ -16,15 +16,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{Keeper, RenderState};
 use crate::clock::Clock;
+use crate::costs::Costs;
 use crate::live::Live;
-use crate::noise::{Copied, Effort, Measuring, Noise};
+use crate::noise::{Copied, Effort, Measured, Measuring, Noise};
 use crate::outlook::Outlook;
 use crate::pixel_errors::REPLICATES;
 use crate::process;
 use crate::progress::{Drawn, Estimator};
 use crate::recording::{Recording, Round as PastRound};
 use crate::run::{Bound, Control, Counters, RenderError, Rendered, Round, StoppedBy, Watched};
-use crate::settings::{Goal, RenderSettings, Sampling};
+use crate::settings::{Goal, Machinery, RenderSettings, Sampling};
 use crate::statistics::Totals;
 use crate::steering::{Aim, Learnt, Steering, TimeLeft, Verdict};
 use crate::timeline;
@@ -77,7 +78,7 @@ pub fn render_keeping<T: Tracer>(
         }
         let sampling = AdaptiveSampling::restored(rounds.library_up_to(&aim, max_samples), &sampling)?;
         let (aim, sampling) = rounds.towards_the_goal(aim, max_samples, sampling)?;
-        rounds.outlook.begin(aim.factor_left);
+        rounds.outlook.begin(aim.factor_left, None, &sampling);
         return rounds.run(control, aim, sampling, keeper);
     }
     let start = Instant::now();
@@ -155,6 +156,22 @@ struct Begun {
 
 /// Whether the goal makes sense.
 fn check(settings: &RenderSettings) -> Result<(), RenderError> {
+    if let Some(weights) = &settings.weights {
+        if !settings.sampling.can_forecast() {
+            return Err(RenderError::Weights(settings.sampling));
+        }
+        let (frame, weights) = (settings.frame, weights.frame());
+        if frame != weights {
+            return Err(RenderError::WeightsSize { frame, weights });
+        }
+    }
+    let is_sound = |&noise: &f64| noise > 0.0 && noise.is_finite();
+    if let Some(&noise) = settings.aov_noise.iter().flatten().find(|noise| !is_sound(noise)) {
+        return Err(RenderError::Noise(noise));
+    }
+    if settings.aov_noise.iter().any(Option::is_some) && !matches!(settings.goal, Goal::Noise(_)) {
+        return Err(RenderError::AovNoise);
+    }
     let goal = match settings.goal {
         Goal::TargetError(_) => return Ok(()),
         Goal::Noise(noise) if !(noise > 0.0 && noise.is_finite()) => return Err(RenderError::Noise(noise)),
@@ -179,6 +196,9 @@ struct Rounds<'a, T> {
     settings: &'a RenderSettings,
     film: Film,
     counters: Vec<Counters>,
+    costs: Costs,
+    /// Seconds of one thread that measured the noise.
+    measured: f64,
     /// As if nothing had come between it and what went before.
     start: Instant,
     cpu_start: Option<Duration>,
@@ -197,7 +217,12 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         control: &Control<'_>,
     ) -> Self {
         let counters: Vec<_> = (0..settings.threads.get()).map(|_| Counters::default()).collect();
-        counters[0].add(past.samples, TileCounts { rays: past.rays, ..TileCounts::default() });
+        counters[0].add(
+            past.samples,
+            TileCounts { rays: past.rays, ..TileCounts::default() },
+            Duration::ZERO,
+        );
+        let [across, down] = film.layout().tiles();
         let pixels = settings.window.pixels() as u64;
         let most = (settings.max_samples < u32::MAX).then(|| pixels as f64 * f64::from(settings.max_samples));
         let now = Instant::now();
@@ -208,6 +233,8 @@ impl<'a, T: Tracer> Rounds<'a, T> {
             settings,
             film,
             counters,
+            costs: Costs::new(across as usize * down as usize),
+            measured: 0.0,
             start: now.checked_sub(behind).unwrap_or(now),
             cpu_start: process::cpu_time().map(|now| now.saturating_sub(past.cpu)),
             estimator: Estimator::new(pixels, most, settings.time_limit),
@@ -254,7 +281,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
                 }
                 Decision::GoOn(next) => aim = next,
             }
-            self.outlook.begin(aim.factor_left);
+            self.outlook.begin(aim.factor_left, self.steering.square(), &sampling);
             sampling = observed(AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?);
         };
         if stopped_by == StoppedBy::TimeLimit && self.steering.has_rounds() {
@@ -348,10 +375,26 @@ impl<'a, T: Tracer> Rounds<'a, T> {
             past.rounds.totals.statistics(&sampling, &self.film, self.counters.len(), past.wall);
         statistics.cpu_seconds = self.cpu_start.map(|_| past.cpu.as_secs_f64());
         (statistics.samples, statistics.rays) = (past.samples, past.rays);
+        statistics.noise_is_weighted = self.settings.weights.is_some();
+        statistics.outlook_samples = self.outlook.scouted();
         noise.into_iter().for_each(|noise| statistics.set_noise(noise));
         statistics.noise_asked = self.steering.asked().map(|asked| 100.0 * asked);
         let recording = Recording { rounds: past.rounds.history.clone(), noise, bound };
-        Rendered { film: self.film, sampling, statistics, stopped_by, noise, bound, recording, past }
+        let weights = self.settings.weights.clone();
+        let aov_noise = self.steering.reported_aovs();
+        statistics.set_aov_noise(&aov_noise, &self.settings.aov_noise);
+        Rendered {
+            film: self.film,
+            sampling,
+            statistics,
+            stopped_by,
+            noise,
+            aov_noise,
+            bound,
+            recording,
+            weights,
+            past,
+        }
     }
 
     fn kept(&self) -> Kept<'_> {
@@ -370,8 +413,14 @@ impl<'a, T: Tracer> Rounds<'a, T> {
     /// As [`Self::library`] where no pixel is to exceed `max_samples`.
     fn library_up_to(&self, aim: &Aim, max_samples: u32) -> quietus::Settings {
         let max_samples = if self.settings.sampling == Sampling::Uniform { aim.samples } else { max_samples };
-        let limited = RenderSettings { max_samples, ..self.settings.clone() };
+        let machinery = Machinery { lag: aim.lag, ..self.settings.machinery };
+        let limited = RenderSettings { max_samples, machinery, ..self.settings.clone() };
         limited.library(REPLICATES as u32, aim.target_error)
+    }
+
+    fn copied(&self) -> Copied {
+        let with_aovs = self.settings.aov_noise.iter().any(Option::is_some);
+        Copied::of(&self.film, self.settings.weights.as_deref(), with_aovs)
     }
 
     fn clock<'c>(&self, control: &Control<'c>) -> Clock<'c> {
@@ -414,9 +463,12 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         let (estimator, counters, film) = (&mut self.estimator, &self.counters, &self.film);
         let round_end = clock.left().filter(|_| self.steering.has_rounds() && !begun.aim.is_last);
         let round_end = round_end.map(|left| clock.elapsed() + left.mul_f64(LONGEST_ROUND));
-        let (outlook, measuring) = (&mut self.outlook, self.past.totals.noise_samples);
+        let (outlook, measured) = (&mut self.outlook, self.measured);
         let (steering, settings, noise) = (&self.steering, self.settings, self.steering.progress());
-        let round = Round { tracer: self.tracer, film, sampling, live: control.live, counters };
+        let (tracer, costs) = (self.tracer, &self.costs);
+        let corner = [self.settings.window.x0, self.settings.window.y0];
+        let weights = self.settings.weights.as_deref().map(|weights| (weights, corner));
+        let round = Round { tracer, film, sampling, live: control.live, counters, costs, weights };
         let watch = || {
             stopped_by = stopped_by.or(clock.stops(control));
             let is_over = round_end.is_some_and(|end| clock.elapsed() >= end);
@@ -424,9 +476,10 @@ impl<'a, T: Tracer> Rounds<'a, T> {
                 sampling.stop();
             }
             let [samples, rays] = Counters::sum(counters);
-            let elapsed = clock.elapsed();
-            let total = outlook.total(elapsed, samples, film, sampling);
-            let drawn = Drawn { samples, measuring, rays, total };
+            outlook.scout(tracer, samples, film);
+            let (elapsed, spent) = (clock.elapsed(), measured + Counters::seconds(counters));
+            let total = outlook.total(elapsed, spent, sampling, costs);
+            let drawn = Drawn { samples, rays, spent, total };
             let mut progress = estimator.reading(elapsed, drawn, sampling.converged_fraction());
             progress.noise = noise;
             (control.watch)(&Watched { progress, film, sampling });
@@ -450,12 +503,12 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         if !self.steering.has_rounds() {
             return Ok(Decision::Stop(StoppedBy::Done));
         }
-        let picture = Copied::of(&self.film);
+        let picture = self.copied();
         let forecast = self.steering.look(&picture, sampling);
         if self.steering.asked().is_some() {
-            let effort = if aim.is_last { Effort::REPORT } else { Effort::STEP };
+            let effort = if aim.is_last { Effort::REPORT } else { self.steering.effort(&forecast) };
             match self.measure(&picture, effort, self.clock(control), sampling, control)? {
-                Ok(noise) => self.steering.take(noise, &forecast),
+                Ok(measured) => self.steering.take(&measured, &forecast),
                 Err(stopped_by) => return Ok(Decision::Stop(stopped_by)),
             }
         }
@@ -473,8 +526,8 @@ impl<'a, T: Tracer> Rounds<'a, T> {
             Verdict::GoOn(aim) => Decision::GoOn(aim),
             Verdict::MeasureAgain => {
                 match self.measure(&picture, Effort::REPORT, self.clock(control), sampling, control)? {
-                    Ok(noise) => {
-                        self.steering.take_report(noise);
+                    Ok(measured) => {
+                        self.steering.take_report(&measured);
                         Decision::Stop(StoppedBy::Done)
                     }
                     Err(stopped_by) => Decision::Stop(stopped_by),
@@ -493,9 +546,9 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         let clock = Clock { limit: self.settings.time_limit, ..self.clock(control) };
         let share = 0.7 * clock.left().unwrap_or_default().div_duration_f64(clock.elapsed());
         let affordable = Effort { share, picks: 0, most_share: 0.0 };
-        let picture = Copied::of(&self.film);
-        if let Ok(noise) = self.measure(&picture, affordable, clock, sampling, control)? {
-            self.steering.take_report(noise);
+        let picture = self.copied();
+        if let Ok(measured) = self.measure(&picture, affordable, clock, sampling, control)? {
+            self.steering.take_report(&measured);
         }
         Ok(())
     }
@@ -508,7 +561,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         clock: Clock<'_>,
         sampling: &AdaptiveSampling,
         control: &mut Control<'_>,
-    ) -> Result<Result<Noise, StoppedBy>, RenderError> {
+    ) -> Result<Result<Measured, StoppedBy>, RenderError> {
         let (window, number) = (self.film.layout().window(), self.past.measurements);
         self.past.measurements += 1;
         let counters: Vec<_> = self.counters.iter().map(|_| Counters::default()).collect();
@@ -522,11 +575,11 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         };
         let cancel = control.cancel;
         let (estimator, drawn, noise) = (&mut self.estimator, &self.counters, self.steering.progress());
-        let (film, outlook, measured_before) = (&self.film, &self.outlook, self.past.totals.noise_samples);
+        let (film, outlook, measured) = (&self.film, &self.outlook, self.measured);
         let watch = || {
             let [samples, rays] = Counters::sum(drawn);
-            let measuring = measured_before + Counters::sum(&counters)[0];
-            let drawn = Drawn { samples, measuring, rays, total: outlook.known() };
+            let spent = measured + Counters::seconds(drawn) + Counters::seconds(&counters);
+            let drawn = Drawn { samples, rays, spent, total: outlook.known() };
             let mut progress = estimator.reading(clock.elapsed(), drawn, sampling.converged_fraction());
             progress.noise = noise;
             (control.watch)(&Watched { progress, film, sampling });
@@ -535,10 +588,11 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         // Relaxed: the flag guards no data.
         let is_cancelled = || cancel.load(Ordering::Relaxed) || clock.is_late();
         let span = tracing::debug_span!("measure noise", number).entered();
-        let measured = measuring.run(picture, is_cancelled, watch)?;
+        let outcome = measuring.run(picture, is_cancelled, watch)?;
         drop(span);
         self.past.totals.noise_samples += Counters::sum(&counters)[0];
-        Ok(measured.ok_or_else(|| clock.stops(control).unwrap_or(StoppedBy::Done)))
+        self.measured += Counters::seconds(&counters);
+        Ok(outcome.ok_or_else(|| clock.stops(control).unwrap_or(StoppedBy::Done)))
     }
 }
 

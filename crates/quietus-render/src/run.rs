@@ -2,17 +2,19 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use quietus::{AdaptiveSampling, Visit, Worker};
 use quietus_film::{Film, LayoutError, TILE_PIXELS, TileBuffer};
 use quietus_trace::tile::{PixelWork, TileCounts};
 use serde::{Deserialize, Serialize};
 
+use crate::costs::Costs;
 use crate::crew;
 use crate::fault::{Fault, locate};
 use crate::live::Live;
-use crate::noise::Noise;
+use crate::noise::{Noise, OfAovs};
 use crate::pixel_errors::{REPLICATES, tile_errors};
 use crate::progress::Progress;
 use crate::recording::Recording;
@@ -21,6 +23,7 @@ use crate::settings::Sampling;
 use crate::statistics::Statistics;
 use crate::timeline::Timeline;
 use crate::tracer::Tracer;
+use crate::weights::Weights;
 
 /// How a caller watches and stops a render.
 pub struct Control<'a> {
@@ -65,10 +68,14 @@ pub struct Rendered {
     pub stopped_by: StoppedBy,
     /// Its noise, where noise was asked for.
     pub noise: Option<Noise>,
+    /// That of alpha, albedo and normal, where one of them was asked for.
+    pub aov_noise: OfAovs<Noise>,
     /// What kept it from what was asked for, if anything did.
     pub bound: Option<Bound>,
     /// What it takes to draw it again.
     pub recording: Recording,
+    /// What its errors were weighted by.
+    pub(crate) weights: Option<Arc<Weights>>,
     /// For [`crate::go_on`].
     pub(crate) past: Past,
 }
@@ -99,6 +106,20 @@ pub enum RenderError {
         /// What was asked for.
         goal: &'static str,
     },
+    /// Weights where samples are not dealt by errors that can be weighted.
+    #[error("{0:?} sampling takes no weights: that takes quietus or uniform")]
+    Weights(Sampling),
+    /// Weights of another frame.
+    #[error("expected weights for {}x{}, not for {}x{}", .frame[0], .frame[1], .weights[0], .weights[1])]
+    WeightsSize {
+        /// Width and height of the picture.
+        frame: [u32; 2],
+        /// Those of the weights.
+        weights: [u32; 2],
+    },
+    /// A noise of alpha, albedo or normal where none of the picture is asked for.
+    #[error("a noise of alpha, albedo or normal goes with one of the picture")]
+    AovNoise,
     /// A noise out of range.
     #[error("expected a noise above 0, as a share of white, not {0}")]
     Noise(f64),
@@ -124,19 +145,26 @@ pub enum RenderError {
 pub(crate) struct Counters {
     samples: AtomicU64,
     rays: AtomicU64,
+    nanoseconds: AtomicU64,
 }
 
 impl Counters {
     /// Relaxed: statistics order nothing; the final reading comes after the threads were joined.
-    pub(crate) fn add(&self, samples: u64, counts: TileCounts) {
+    pub(crate) fn add(&self, samples: u64, counts: TileCounts, took: Duration) {
         self.samples.fetch_add(samples, Ordering::Relaxed);
         self.rays.fetch_add(counts.rays, Ordering::Relaxed);
+        self.nanoseconds.fetch_add(took.as_nanos() as u64, Ordering::Relaxed);
     }
 
     /// Samples and rays of all workers.
     pub(crate) fn sum(all: &[Self]) -> [u64; 2] {
         let sum = |of: fn(&Self) -> &AtomicU64| all.iter().map(|c| of(c).load(Ordering::Relaxed)).sum();
         [sum(|c| &c.samples), sum(|c| &c.rays)]
+    }
+
+    /// Seconds that all workers have spent drawing.
+    pub(crate) fn seconds(all: &[Self]) -> f64 {
+        all.iter().map(|c| c.nanoseconds.load(Ordering::Relaxed) as f64 * 1e-9).sum()
     }
 }
 
@@ -148,6 +176,10 @@ pub(crate) struct Round<'a, T> {
     pub(crate) live: Option<&'a Live>,
     /// One for each thread.
     pub(crate) counters: &'a [Counters],
+    /// What tiles cost.
+    pub(crate) costs: &'a Costs,
+    /// Where error matters more, and the place of the window in the frame.
+    pub(crate) weights: Option<(&'a Weights, [u32; 2])>,
 }
 
 impl<T: Tracer> Round<'_, T> {
@@ -189,6 +221,7 @@ impl<T: Tracer> Round<'_, T> {
                 count: run.samples.end - run.samples.start,
             }));
             // Whatever the buffer holds after a panic is thrown away with it: nothing broken is looked at.
+            let began = Instant::now();
             let draw = AssertUnwindSafe(|| self.tracer.render_tile(&work, &mut buffer));
             let counts = match catch_unwind(draw) {
                 Ok(counts) => counts,
@@ -200,10 +233,16 @@ impl<T: Tracer> Round<'_, T> {
                     return;
                 }
             };
-            let (summary, errors) = self
+            let (summary, mut errors) = self
                 .film
                 .commit(visit.tile() as usize, &mut buffer, |replicates| tile_errors(metric, replicates));
-            counters.add(summary.drawn, counts);
+            if let Some((weights, [x0, y0])) = self.weights {
+                let rect = self.sampling.grid().tile_rect(visit.tile());
+                weights.weigh([x0 + rect.x0, y0 + rect.y0], &mut errors);
+            }
+            let took = began.elapsed();
+            counters.add(summary.drawn, counts, took);
+            self.costs.add(visit.tile(), summary.drawn, took);
             if let Some(live) = self.live {
                 live.touch(visit.tile() as usize);
             }

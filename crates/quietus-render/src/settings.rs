@@ -1,12 +1,15 @@
 //! What a render is asked to do.
 
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 use std::time::Duration;
 
 use quietus::{Checks, Mode, PixelRect, Policy, Rebuild};
 use quietus_film::{Layout, LayoutError, Window};
 
+use crate::noise::OfAovs;
 use crate::pixel_errors::REPLICATES;
+use crate::weights::Weights;
 
 /// How samples are spread over the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -94,6 +97,10 @@ pub struct RenderSettings {
     pub threads: NonZeroUsize,
     /// Which machinery does it.
     pub machinery: Machinery,
+    /// The noise of alpha, albedo and normal that is asked for besides; only with [`Goal::Noise`].
+    pub aov_noise: OfAovs<f64>,
+    /// Where error matters more; only with [`Sampling::Quietus`] and [`Sampling::Uniform`].
+    pub weights: Option<Arc<Weights>>,
 }
 
 /// Ways to do the same. The picture depends on the first two alone.

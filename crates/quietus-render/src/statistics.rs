@@ -6,7 +6,7 @@ use quietus::{AdaptiveSampling, RebuildRecord};
 use quietus_film::Film;
 use serde::{Deserialize, Serialize};
 
-use crate::noise::Noise;
+use crate::noise::{Aov, Noise, OfAovs};
 use crate::process;
 
 /// Percentiles of the samples per pixel.
@@ -107,6 +107,8 @@ pub struct Statistics {
     pub reopened_regions: u64,
     /// The noise asked for, in percent of white; absent where none was.
     pub noise_asked: Option<f64>,
+    /// Whether errors were multiplied by the weights of a map before they were dealt by and measured.
+    pub noise_is_weighted: bool,
     /// Root mean square error of the finished picture in display space, in percent of white, measured by samples that
     /// decided nothing ([`crate::noise`]); absent where it was not measured.
     pub noise_reached: Option<f64>,
@@ -114,8 +116,13 @@ pub struct Statistics {
     pub noise_low: Option<f64>,
     /// Upper end.
     pub noise_high: Option<f64>,
+    /// The noise of alpha, albedo and normal, where one of them was asked for.
+    pub aov_noise: Vec<AovStatistics>,
     /// Samples drawn to measure the noise; they are not in the picture, nor in `samples`.
     pub noise_samples: u64,
+    /// Samples drawn in the last session to guess when the render would end. They decide nothing and are not in the picture;
+    /// how many depends on the clock.
+    pub outlook_samples: u64,
     /// Rounds of sampling, each to a target that the ones before have set.
     pub rounds: u32,
     /// Samples rejected because they were not finite.
@@ -124,7 +131,35 @@ pub struct Statistics {
     pub peak_rss_bytes: Option<u64>,
 }
 
+/// The noise of alpha, albedo or normal, in percent of 1.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AovStatistics {
+    /// Which of them.
+    pub name: &'static str,
+    /// The noise asked for; absent where it was that of another one.
+    pub asked: Option<f64>,
+    /// Root mean square error over all pixels and channels, measured as that of the picture.
+    pub reached: f64,
+    /// Lower end of its 95 % confidence interval.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
 impl Statistics {
+    /// Takes in what was measured of alpha, albedo and normal.
+    pub(crate) fn set_aov_noise(&mut self, measured: &OfAovs<Noise>, asked: &OfAovs<f64>) {
+        let percent = |share: f64| 100.0 * share;
+        let all = Aov::ALL.into_iter().zip(measured).zip(asked);
+        self.aov_noise = all
+            .filter_map(|((aov, noise), asked)| {
+                let Noise { reached, low, high } = (*noise)?;
+                let [reached, low, high] = [reached, low, high].map(percent);
+                Some(AovStatistics { name: aov.name(), asked: asked.map(percent), reached, low, high })
+            })
+            .collect();
+    }
+
     /// Takes in what was measured of the noise.
     pub fn set_noise(&mut self, noise: Noise) {
         let percent = |share: f64| Some(100.0 * share);

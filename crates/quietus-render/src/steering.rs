@@ -16,7 +16,7 @@ use quietus::AdaptiveSampling;
 use serde::{Deserialize, Serialize};
 
 use crate::forecast::{Ahead, Forecast, Past, even};
-use crate::noise::{Copied, Noise};
+use crate::noise::{Copied, Effort, Measured, Noise, OfAovs};
 use crate::pixel_errors::REPLICATES;
 use crate::progress::NoiseProgress;
 use crate::run::Bound;
@@ -37,6 +37,9 @@ const LAST_STEP: f64 = 2.2;
 /// The squared error falls as samples to the power of minus this, before a scene has shown how it does: independent samples
 /// have 1, low-discrepancy points more.
 const FIRST_FALL: f64 = 1.1;
+
+/// The same for alpha, albedo and normal: edges, where low-discrepancy points gain more.
+const FIRST_EDGE_FALL: f64 = 1.25;
 
 /// Falls that are believed.
 const FALLS: std::ops::RangeInclusive<f64> = 0.6..=1.6;
@@ -60,6 +63,8 @@ pub(crate) struct Aim {
     pub(crate) target_error: f64,
     /// Samples per pixel, with uniform sampling.
     pub(crate) samples: u32,
+    /// Passes that trees lag behind.
+    pub(crate) lag: u32,
     /// Whether this should be where it ends.
     pub(crate) is_last: bool,
     /// What quotas will be multiplied by in the rounds that follow.
@@ -80,6 +85,8 @@ pub(crate) enum Verdict {
 pub(crate) struct Steering {
     settings: RenderSettings,
     learnt: Learnt,
+    /// What independent samples would have multiplied the squared error of alpha, albedo and normal by in the last round.
+    edges_fell: Option<f64>,
 }
 
 /// What the rounds so far have taught: all that the next decision needs besides the settings.
@@ -89,9 +96,15 @@ pub(crate) struct Learnt {
     rounds: u32,
     /// The noise measured last, and whether it may be reported.
     measured: Option<(Noise, bool)>,
+    /// That of alpha, albedo and normal, measured with it.
+    aovs: OfAovs<Noise>,
     calibration: Calibration,
+    /// The mean squared error of the picture that was looked at last, by all that was measured.
+    square: Option<f64>,
     /// The squared error falls as samples to the power of minus this.
     fall: f64,
+    /// The same for alpha, albedo and normal.
+    edge_fall: f64,
     /// As of the end of the round before.
     before: Option<Past>,
     bound: Option<Bound>,
@@ -104,13 +117,16 @@ impl Steering {
         let learnt = Learnt {
             rounds: 0,
             measured: None,
+            aovs: OfAovs::default(),
             calibration: Calibration::default(),
+            square: None,
             fall: FIRST_FALL,
+            edge_fall: FIRST_EDGE_FALL,
             before: None,
             bound: None,
             expected: None,
         };
-        Self { settings: settings.clone(), learnt }
+        Self { settings: settings.clone(), learnt, edges_fell: None }
     }
 
     /// What was learnt so far.
@@ -133,16 +149,22 @@ impl Steering {
     /// What the first round aims at.
     pub(crate) fn first(&self) -> Aim {
         let RenderSettings { goal, min_samples, max_samples, .. } = self.settings;
+        let lag = self.settings.machinery.lag;
         match goal {
             Goal::TargetError(target_error) => {
-                Aim { target_error, samples: max_samples, is_last: true, factor_left: 1.0 }
+                Aim { target_error, samples: max_samples, lag, is_last: true, factor_left: 1.0 }
             }
-            Goal::Limits if !self.has_rounds() => {
-                Aim { target_error: ALL_TO_MAXIMUM, samples: max_samples, is_last: true, factor_left: 1.0 }
-            }
+            Goal::Limits if !self.has_rounds() => Aim {
+                target_error: ALL_TO_MAXIMUM,
+                samples: max_samples,
+                lag,
+                is_last: true,
+                factor_left: 1.0,
+            },
             Goal::Noise(_) | Goal::Limits => Aim {
                 target_error: FIRST_TARGET,
                 samples: min_samples.max(1),
+                lag,
                 is_last: false,
                 factor_left: 1.0,
             },
@@ -172,6 +194,24 @@ impl Steering {
         self.learnt.measured.filter(|(_, is_report)| *is_report).map(|(noise, _)| noise)
     }
 
+    /// The noise of alpha, albedo and normal to report with it.
+    pub(crate) fn reported_aovs(&self) -> OfAovs<Noise> {
+        if self.reported().is_some() { self.learnt.aovs } else { OfAovs::default() }
+    }
+
+    /// Noises of alpha, albedo and normal as they are, and as they were asked for.
+    fn asked_aovs(&self) -> impl Iterator<Item = (Noise, f64)> {
+        let pairs = self.learnt.aovs.into_iter().zip(self.settings.aov_noise);
+        pairs.filter_map(|(noise, asked)| noise.zip(asked))
+    }
+
+    /// What the mean squared errors of alpha, albedo and normal may be multiplied by, if they fell as those of independent
+    /// samples.
+    fn edges_goal(&self) -> f64 {
+        let goals = self.asked_aovs().map(|(noise, asked)| (asked / noise.reached).powi(2));
+        goals.fold(f64::INFINITY, f64::min).powf(1.0 / self.learnt.edge_fall)
+    }
+
     /// What keeps the picture from what was asked for.
     pub(crate) fn bound(&self) -> Option<Bound> {
         self.learnt.bound
@@ -186,20 +226,57 @@ impl Steering {
     /// Looks at the picture at the end of a round.
     pub(crate) fn look(&mut self, picture: &Copied, sampling: &AdaptiveSampling) -> Forecast {
         self.learnt.rounds += 1;
-        let counts = self.settings.library(REPLICATES as u32, FIRST_TARGET).pass_counts();
+        let mut counts = self.settings.library(REPLICATES as u32, FIRST_TARGET).pass_counts();
+        if self.asked().is_some() {
+            counts.lag = 1;
+        }
         let now = Forecast::new(&picture.finished(), sampling, counts);
         if let Some(fall) = self.learnt.before.as_ref().and_then(|before| before.fall_to(&now)) {
             self.learnt.fall = 0.5 * (self.learnt.fall + fall.clamp(*FALLS.start(), *FALLS.end()));
         }
+        self.edges_fell = self.learnt.before.as_ref().and_then(|before| before.edges_to(&now));
         let now = now.with_fall(self.learnt.fall);
         self.learnt.before = Some(now.past());
         now
     }
 
     /// Takes in a measurement; whether it may be reported depends on what follows.
-    pub(crate) fn take(&mut self, noise: Noise, forecast: &Forecast) {
-        self.learnt.measured = Some((noise, false));
+    pub(crate) fn take(&mut self, measured: &Measured, forecast: &Forecast) {
+        let noise = measured.noise;
+        self.learn_edges(measured);
+        (self.learnt.measured, self.learnt.aovs) = (Some((noise, false)), measured.aovs);
         self.learnt.calibration.take(noise, forecast.square);
+        self.learnt.square = Some(self.learnt.calibration.square(forecast.square));
+    }
+
+    /// Learns how fast the error of alpha, albedo and normal falls, from that which is furthest from its goal.
+    fn learn_edges(&mut self, measured: &Measured) {
+        let asked = self.settings.aov_noise;
+        let (mut furthest, mut fell) = (0.0, None);
+        for ((before, now), asked) in self.learnt.aovs.iter().zip(measured.aovs).zip(asked) {
+            if let (Some(before), Some(now), Some(asked)) = (before, now, asked)
+                && now.reached / asked > furthest
+            {
+                (furthest, fell) = (now.reached / asked, Some(2.0 * (before.reached / now.reached).ln()));
+            }
+        }
+        if let (Some(fell), Some(expected)) = (fell.filter(|fell| fell.is_finite()), self.edges_fell) {
+            let fall = (fell / -expected.ln()).clamp(*FALLS.start(), *FALLS.end());
+            self.learnt.edge_fall = 0.5 * (self.learnt.edge_fall + fall);
+        }
+    }
+
+    /// How well to measure a step: the further it goes from there, the more is lost by not knowing how far.
+    pub(crate) fn effort(&self, forecast: &Forecast) -> Effort {
+        let square = self.learnt.calibration.square(forecast.square);
+        let goal = self.asked().unwrap_or(1.0).powi(2) / square;
+        let reach = forecast.least(|ahead| ahead.square <= goal).unwrap_or_else(|| forecast.limit());
+        Effort::STEP.for_way_of(reach.samples)
+    }
+
+    /// The mean squared error of the picture as it was looked at last, as far as measurements are believed.
+    pub(crate) fn square(&self) -> Option<f64> {
+        self.learnt.square
     }
 
     /// What is to be done after the round that aimed at `aim`.
@@ -219,6 +296,8 @@ impl Steering {
         Verdict::GoOn(Aim {
             target_error: aim.target_error / next.factor,
             samples: even(f64::from(aim.samples) * next.factor),
+            // Every step of a lag is one further than asked for: too far for the end.
+            lag: if is_last && self.asked().is_some() { 1 } else { self.settings.machinery.lag },
             is_last,
             factor_left: (goal.factor / next.factor).max(1.0),
         })
@@ -232,19 +311,23 @@ impl Steering {
         forecast: &Forecast,
     ) -> Result<(Ahead, bool, Ahead), Verdict> {
         let Some((measured, _)) = self.learnt.measured else { return Err(Verdict::Finished) };
-        let is_missed = measured.low > asked && self.learnt.rounds < MOST_ROUNDS;
+        let is_any_missed = measured.low > asked || self.asked_aovs().any(|(noise, asked)| noise.low > asked);
+        let is_missed = is_any_missed && self.learnt.rounds < MOST_ROUNDS;
         if aim.is_last && !is_missed {
             return Err(self.finish(measured));
         }
         let square = self.learnt.calibration.square(forecast.square);
-        let goal = asked.powi(2) / square;
+        let (goal, edges) = (asked.powi(2) / square, self.edges_goal());
         let best = forecast.limit();
-        let reach = forecast.least(|ahead| ahead.square <= goal);
+        let reach = forecast.least(|ahead| ahead.square <= goal && ahead.edges <= edges);
         // Where it is out of reach: almost as far as one gets, as the rest would go to pixels that hardly matter.
         let reach = reach.or_else(|| {
             self.learnt.bound = Some(Bound::MaxSamples);
             self.learnt.expected = Some((square * best.square).sqrt());
-            forecast.least(|ahead| ahead.square <= 1.005 * best.square)
+            let limit = |ahead: &Ahead| {
+                ahead.square <= goal.max(1.005 * best.square) && ahead.edges <= edges.max(1.005 * best.edges)
+            };
+            forecast.least(limit)
         });
         let Some(reach) = reach.filter(|reach| reach.samples > SMALLEST_STEP) else {
             return Err(self.finish_early(measured, asked, aim));
@@ -268,15 +351,16 @@ impl Steering {
             self.learnt.bound = Some(Bound::MinSamples);
         }
         // Clear of the goal, the measurement would have decided the same if it had come out otherwise.
-        match aim.is_last || measured.high < asked {
+        let is_clear = measured.high < asked && self.asked_aovs().all(|(noise, asked)| noise.high < asked);
+        match aim.is_last || is_clear {
             true => self.finish(measured),
             false => Verdict::MeasureAgain,
         }
     }
 
     /// Takes in the measurement that was asked for by [`Verdict::MeasureAgain`].
-    pub(crate) fn take_report(&mut self, noise: Noise) {
-        self.learnt.measured = Some((noise, true));
+    pub(crate) fn take_report(&mut self, measured: &Measured) {
+        (self.learnt.measured, self.learnt.aovs) = (Some((measured.noise, true)), measured.aovs);
     }
 }
 

@@ -1,6 +1,7 @@
 //! The render loop over stand-in tracers: what it draws, and how it ends.
 
 use std::num::NonZeroUsize;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -8,7 +9,7 @@ use glam::Vec3;
 use quietus_film::{Layout, Picture, Window};
 use quietus_render::{
     Control, Fault, Goal, Machinery, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, Tracer,
-    render, shown_error,
+    Weights, render, shown_error,
 };
 use quietus_trace::tile::{PixelWork, Sample, SampleSink, TileCounts};
 
@@ -59,6 +60,8 @@ fn settings(width: u32, height: u32, sampling: Sampling) -> RenderSettings {
         time_limit: None,
         threads: NonZeroUsize::new(4).unwrap(),
         machinery: Machinery::default(),
+        weights: None,
+        aov_noise: [None; 3],
     }
 }
 
@@ -287,6 +290,114 @@ fn noise_is_reached_with_any_number_of_threads() {
             assert_eq!(rendered.noise, again.noise, "{sampling:?}");
         }
     }
+}
+
+/// The mean square error of the pixels left and right of the middle, against a displayed 0.5, and their mean samples.
+fn halves(rendered: &Rendered) -> [[f64; 2]; 2] {
+    let window = rendered.film.layout().window();
+    let picture = rendered.film.picture(shown_error);
+    let middle = window.x0 + window.width() / 2;
+    let mut sums = [[0.0; 2]; 2];
+    for (place, color) in picture.beauty.iter().enumerate() {
+        let side = usize::from(window.x0 + place as u32 % window.width() >= middle);
+        sums[side][0] += (f64::from(color[0]).max(0.0).sqrt() - 0.5).powi(2);
+        sums[side][1] += f64::from(picture.samples[place]);
+    }
+    sums.map(|sums| sums.map(|sum| 2.0 * sum / window.pixels() as f64))
+}
+
+#[test]
+fn weights_move_samples_to_what_matters_and_are_in_the_reported_noise() {
+    let (frame, window) = ([64, 48], Window { x0: 16, y0: 8, x1: 64, y1: 48 });
+    let even_noise = |run: &PixelWork, index: u32| grey(0.25 * (0.5 + random(run, index)));
+    let asked = 0.006;
+    let drawn = |weights: Option<[f32; 2]>| {
+        // In the middle of the window, which is not that of the frame.
+        let value = |[left, right]: [f32; 2]| move |place: u32| if place % 64 < 40 { left } else { right };
+        let map = weights.map(|weights| {
+            let values = (0..64 * 48).map(value(weights)).collect();
+            Arc::new(Weights::new(frame, values).unwrap())
+        });
+        let base = settings(64, 48, Sampling::Quietus);
+        let goal = Goal::Noise(asked);
+        draw(
+            &Func(even_noise),
+            &RenderSettings { frame, window, goal, weights: map, max_samples: 1 << 20, ..base },
+        )
+        .unwrap()
+    };
+    let plain = halves(&drawn(None));
+    // Samples in proportion to weights: errors 3 times as large where weights are a third, so that weighted ones are alike.
+    let rendered = drawn(Some([1.0, 3.0]));
+    let weighted = halves(&rendered);
+    let ratio = |errors: &[[f64; 2]; 2]| errors[0][0] / errors[1][0];
+    // Squared errors of 960 pixels on either side: their ratio has a relative deviation of 2 sqrt(1 / 960), here 5 times.
+    let spread = 1.0 + 5.0 * 2.0 / 960.0_f64.sqrt();
+    assert!((1.0 / spread..spread).contains(&ratio(&plain)), "{plain:?}");
+    let samples = weighted[1][1] / weighted[0][1];
+    assert!((ratio(&weighted) / samples - 1.0).abs() < spread - 1.0, "{weighted:?}");
+    assert!((2.0..4.0).contains(&samples), "{weighted:?}");
+    // The noise is that of weighted errors, over all pixels.
+    let truth = (0.5 * (weighted[0][0] + 9.0 * weighted[1][0])).sqrt();
+    assert!((0.85..1.15).contains(&(truth / asked)), "{truth}");
+    let reached = rendered.noise.unwrap();
+    assert!(reached.low / truth < 1.1 && reached.high / truth > 0.9, "{reached:?}, {truth}");
+    assert!(rendered.statistics.noise_is_weighted);
+    // What does not matter stays at the least.
+    let nothing_left = halves(&drawn(Some([0.0, 1.0])));
+    assert!(nothing_left[0][1] < 30.0 && nothing_left[1][1] > 60.0, "{nothing_left:?}");
+}
+
+#[test]
+fn noise_of_aovs_is_reached_too() {
+    // Surfaces cover half of the pixels at the left, and their normals turn.
+    let edges = |run: &PixelWork, index: u32| {
+        let random = random(run, index);
+        let covered = run.x < 24 && random < 0.5;
+        let normal = if random < 0.25 { Vec3::X } else { Vec3::Y };
+        Sample {
+            alpha: f32::from(u8::from(covered)),
+            normal: normal * f32::from(u8::from(covered)),
+            ..grey(0.25 * (0.9 + 0.2 * random))
+        }
+    };
+    for (aov_noise, asked) in [([Some(0.02), None, None], 0.02), ([None, Some(1.0), Some(0.015)], 0.015)] {
+        let settings = RenderSettings {
+            goal: Goal::Noise(0.02),
+            aov_noise,
+            max_samples: 1 << 20,
+            ..settings(48, 40, Sampling::Quietus)
+        };
+        let rendered = draw(&Func(edges), &settings).unwrap();
+        let picture = rendered.film.picture(shown_error);
+        let is_left = |place: usize| place % 48 < 24;
+        let squares = (0..48 * 40).map(|place| {
+            let truth = f32::from(u8::from(is_left(place)));
+            let alpha = f64::from(picture.beauty[place][3] - 0.5 * truth).powi(2);
+            let normal =
+                (Vec3::from(picture.normal[place]) - Vec3::new(0.25, 0.25, 0.0) * truth).length_squared();
+            if aov_noise[0].is_some() { alpha } else { f64::from(normal) / 3.0 }
+        });
+        let truth = (squares.sum::<f64>() / (48.0 * 40.0)).sqrt();
+        // The picture itself would have stopped long before.
+        assert!(rendered.noise.unwrap().high < 0.01);
+        assert!((0.85..1.15).contains(&(truth / asked)), "{truth} for {asked}");
+        let reached = rendered.statistics.aov_noise.iter().filter(|aov| aov.asked == Some(100.0 * asked));
+        let reached: Vec<_> = reached.collect();
+        assert_eq!(reached.len(), 1);
+        assert!(reached[0].low < 115.0 * truth && reached[0].high > 85.0 * truth, "{reached:?}, {truth}");
+    }
+    let lonely = RenderSettings { aov_noise: [Some(0.1), None, None], ..settings(8, 8, Sampling::Quietus) };
+    assert!(matches!(draw(&Func(noise), &lonely), Err(RenderError::AovNoise)));
+}
+
+#[test]
+fn weights_of_another_frame_or_for_other_samplings_are_refused() {
+    let weights = Some(Arc::new(Weights::new([9, 8], vec![1.0; 72]).unwrap()));
+    let settings = |sampling| RenderSettings { weights: weights.clone(), ..settings(8, 8, sampling) };
+    let error = |sampling| draw(&Func(noise), &settings(sampling)).err().unwrap().to_string();
+    assert_eq!(error(Sampling::Quietus), "expected weights for 8x8, not for 9x8");
+    assert_eq!(error(Sampling::Talk), "Talk sampling takes no weights: that takes quietus or uniform");
 }
 
 /// Grey with noise that grows to the right.

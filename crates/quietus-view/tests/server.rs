@@ -136,6 +136,8 @@ fn settings() -> RenderSettings {
         time_limit: None,
         threads: NonZeroUsize::new(2).unwrap(),
         machinery: Machinery::default(),
+        weights: None,
+        aov_noise: [None; 3],
     }
 }
 

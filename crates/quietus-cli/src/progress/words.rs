@@ -64,6 +64,7 @@ pub(super) mod tests {
             rays_per_second: 12_340_000.0,
             converged_fraction: 0.5,
             remaining: Some(Duration::from_secs(3_723)),
+            foreseen_samples: None,
             noise: None,
         }
     }

@@ -1,12 +1,18 @@
 //! Tables of what renders that were asked for a noise or a time came to.
 
-use crate::goals::{Asked, GoalRun};
+use crate::goals::{Asked, GoalRun, MOMENTS};
 
 /// The head of a table of [`noise_row`]s, in Markdown.
 pub const NOISE_HEAD: &str = "\
 | scene | asked | runs | reported / asked (5-95 %) | true / asked (5-95 %) | true / reported | intervals that hold the truth | \
-half-width | spp | rounds | measuring | end foreseen after a tenth | bound |
-|---|---|---|---|---|---|---|---|---|---|---|---|---|";
+half-width | spp | rounds | measuring | bound |
+|---|---|---|---|---|---|---|---|---|---|---|---|";
+
+/// The head of a table of [`foreseen_row`]s.
+pub const FORESEEN_HEAD: &str = "\
+| scene | asked | runs | seconds | samples foreseen / drawn after 10 % (5-95 %), within a fifth | after 25 % | after 50 % | after 75 % | \
+time foreseen / taken after 10 % | after 25 % | after 50 % | after 75 % |
+|---|---|---|---|---|---|---|---|---|---|---|---|";
 
 /// The head of a table of [`time_row`]s.
 pub const TIME_HEAD: &str = "\
@@ -19,9 +25,8 @@ pub fn noise_row(scene: &str, asked: f64, runs: &[GoalRun]) -> String {
     let covered = runs.iter().filter(|run| run.is_covered() == Some(true)).count();
     let widths = reported.iter().map(|[reached, _, high]| high / reached - 1.0);
     let ratio = rms(runs.iter().map(|run| run.true_square)) / rms(reported.iter().map(|r| r[0] * r[0]));
-    let foreseen = runs.iter().filter_map(|run| run.expected[0]);
     format!(
-        "| {scene} | {} % | {} | {} | {} | {ratio:.3} | {covered} of {} ({:.1} %) | {:.0} % | {:.0} | {:.1} | {:.1} % | {} | {} |",
+        "| {scene} | {} % | {} | {} | {} | {ratio:.3} | {covered} of {} ({:.1} %) | {:.0} % | {:.0} | {:.1} | {:.1} % | {} |",
         100.0 * asked,
         runs.len(),
         spread(reported.iter().map(|r| r[0] / asked)),
@@ -32,9 +37,23 @@ pub fn noise_row(scene: &str, asked: f64, runs: &[GoalRun]) -> String {
         mean(runs.iter().map(|run| run.spp)),
         mean(runs.iter().map(|run| f64::from(run.rounds))),
         100.0 * mean(runs.iter().map(|run| run.measuring)),
-        spread(foreseen),
         runs.iter().filter(|run| run.bound).count(),
     )
+}
+
+/// What runs said of their end, over the end they came to: after a tenth of it, and so on.
+pub fn foreseen_row(scene: &str, asked: f64, runs: &[GoalRun]) -> String {
+    let column = |of: &dyn Fn(&GoalRun) -> Option<f64>| {
+        let said: Vec<f64> = runs.iter().filter_map(of).collect();
+        let near = said.iter().filter(|ratio| (0.8..=1.2).contains(*ratio)).count();
+        format!("{}, {near} of {}", spread(said.iter().copied()), said.len())
+    };
+    let moments = 0..MOMENTS.len();
+    let samples = moments.clone().map(|moment| column(&|run: &GoalRun| run.expected_samples[moment]));
+    let times = moments.map(|moment| column(&|run: &GoalRun| run.expected[moment]));
+    let columns: Vec<String> = samples.chain(times).collect();
+    let seconds = mean(runs.iter().map(|run| run.seconds));
+    format!("| {scene} | {} % | {} | {seconds:.1} | {} |", 100.0 * asked, runs.len(), columns.join(" | "))
 }
 
 /// Runs that were asked for one time.

@@ -3,19 +3,21 @@
 use std::num::NonZeroUsize;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Instant;
 
 use quietus_film::{Film, Window};
 use quietus_trace::tile::{PixelWork, Sample, SampleSink};
 
-use super::{Effort, Finished, Noise, Pick, estimate, pick};
+use super::{Aov, AovValues, Effort, Finished, Noise, OfAovs, Pick, estimate, pick};
 use crate::crew;
 use crate::live::Live;
 use crate::pixel_errors::REPLICATES;
 use crate::run::{Counters, RenderError, Rendered, lock};
 use crate::tracer::Tracer;
+use crate::weights::Weights;
 
 /// Largest value that the film accepts.
-const MAX_MAGNITUDE: f32 = 1e28;
+pub(crate) const MAX_MAGNITUDE: f32 = 1e28;
 
 /// Measures the noise of what was rendered, by drawing about 2 % of its samples again with other random numbers. The
 /// result does not depend on the number of threads. `None` where `cancel` is set, or nothing was drawn.
@@ -26,13 +28,21 @@ pub fn measure_noise<T: Tracer>(
     cancel: &AtomicBool,
 ) -> Option<Noise> {
     let counters: Vec<_> = (0..threads.get()).map(|_| Counters::default()).collect();
-    let picture = Copied::of(&rendered.film);
+    let picture = Copied::of(&rendered.film, rendered.weights.as_deref(), false);
     let window = rendered.film.layout().window();
     let measuring =
         Measuring { tracer, window, live: None, counters: &counters, number: 0, effort: Effort::REPORT };
     // Relaxed: the flag guards no data.
     let is_cancelled = || cancel.load(Ordering::Relaxed);
-    measuring.run(&picture, is_cancelled, || crew::WATCH_INTERVAL).ok().flatten()
+    let measured = measuring.run(&picture, is_cancelled, || crew::WATCH_INTERVAL).ok().flatten();
+    measured.map(|measured| measured.noise)
+}
+
+/// The noise of a picture, and of what goes with it where that was wanted.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Measured {
+    pub(crate) noise: Noise,
+    pub(crate) aovs: OfAovs<Noise>,
 }
 
 /// How the noise of a picture is measured.
@@ -55,13 +65,13 @@ impl<T: Tracer> Measuring<'_, T> {
         picture: &Copied,
         is_cancelled: impl Fn() -> bool + Sync,
         watch: impl FnMut() -> crew::Interval,
-    ) -> Result<Option<Noise>, RenderError> {
+    ) -> Result<Option<Measured>, RenderError> {
         if picture.counts.iter().all(|&count| count == 0) {
             return Ok(None);
         }
         let salt = u64::from(self.number) << 32;
         let picks = pick(&picture.finished(), self.effort, |index| uniform(salt + index));
-        let (next, fresh) = (AtomicUsize::new(0), Mutex::new(vec![[[0.0; 3]; 2]; picks.len()]));
+        let (next, fresh) = (AtomicUsize::new(0), Mutex::new(vec![[Fresh::default(); 2]; picks.len()]));
         let is_given_up = AtomicBool::new(false);
         let work = |number: usize| {
             let mut drawn = Vec::new();
@@ -79,22 +89,25 @@ impl<T: Tracer> Measuring<'_, T> {
         };
         crew::run(self.counters.len(), work, || is_given_up.store(true, Ordering::Relaxed), watch)?;
         let is_complete = next.load(Ordering::Relaxed) >= picks.len() && !is_cancelled();
-        Ok(is_complete.then(|| estimate(&picture.means, &picks, &lock(&fresh))))
+        let fresh = lock(&fresh);
+        Ok(is_complete.then(|| picture.measured(&picks, &fresh)))
     }
 
     /// Means of two replicates that the film has no samples of.
-    fn draw_again(&self, pick: &Pick, counters: &Counters) -> [[f32; 3]; 2] {
+    fn draw_again(&self, pick: &Pick, counters: &Counters) -> [Fresh; 2] {
         let width = self.window.width();
         let (x, y) = (self.window.x0 + pick.pixel as u32 % width, self.window.y0 + pick.pixel as u32 / width);
-        // There are 256 replicates in all. Measurements of one picture share some only where they pick a pixel this
+        // There are 256 replicates in all; the scout has the last four. Measurements of one picture share some only where they pick a pixel this
         // often, as in the tiniest ones.
-        let pair = 1 + (REPEATS * self.number + pick.repeat) % 126;
+        let pair = 1 + (REPEATS * self.number + pick.repeat) % 125;
         [0, 1].map(|half| {
             let replicate = (REPLICATES as u32 * pair + half) as u8;
             let work = PixelWork { x, y, pixel: 0, replicate, first: 0, count: pick.samples };
             let mut mean = Mean::default();
-            counters.add(pick.samples.into(), self.tracer.render_tile(&[work], &mut mean));
-            mean.sum.map(|sum| (sum / mean.count.max(1.0)) as f32)
+            let began = Instant::now();
+            let traced = self.tracer.render_tile(&[work], &mut mean);
+            counters.add(pick.samples.into(), traced, began.elapsed());
+            mean.fresh()
         })
     }
 }
@@ -104,7 +117,7 @@ const REPEATS: u32 = 13;
 
 /// A number in 0..1 for every index: SplitMix (Steele, Lea and Flood 2014). Which pixels are drawn again need not
 /// depend on the seed: what they are drawn with does.
-fn uniform(index: u64) -> f64 {
+pub(crate) fn uniform(index: u64) -> f64 {
     let mut z = index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -117,16 +130,28 @@ pub(crate) struct Copied {
     halves: Vec<[[f32; 3]; 2]>,
     means: Vec<[f32; 3]>,
     counts: Vec<u32>,
+    weights: Option<Vec<f32>>,
+    aovs: Option<Vec<AovValues>>,
 }
 
 impl Copied {
     /// The picture as it is displayed, and its halves.
     pub(crate) fn finished(&self) -> Finished<'_> {
-        let Self { width, halves, means, counts } = self;
-        Finished { width: *width, halves, means, counts }
+        let Self { width, halves, means, counts, weights, aovs } = self;
+        Finished { width: *width, halves, means, counts, weights: weights.as_deref(), aovs: aovs.as_deref() }
     }
 
-    pub(crate) fn of(film: &Film) -> Self {
+    /// Its noise from pixels that were drawn again.
+    fn measured(&self, picks: &[Pick], fresh: &[[Fresh; 2]]) -> Measured {
+        let colors: Vec<_> = fresh.iter().map(|fresh| fresh.map(|fresh| fresh.color)).collect();
+        let aovs = self.aovs.as_ref().map(|means| {
+            let fresh: Vec<_> = fresh.iter().map(|fresh| fresh.map(|fresh| fresh.aovs)).collect();
+            Aov::ALL.map(|aov| Some(aov.noise(means, picks, &fresh)))
+        });
+        Measured { noise: estimate(&self.means, picks, &colors), aovs: aovs.unwrap_or_default() }
+    }
+
+    pub(crate) fn of(film: &Film, weights: Option<&Weights>, with_aovs: bool) -> Self {
         let window = film.layout().window();
         let pixels = window.pixels();
         let mut copied = Self {
@@ -134,6 +159,8 @@ impl Copied {
             halves: vec![[[0.0; 3]; 2]; pixels],
             means: vec![[0.0; 3]; pixels],
             counts: vec![0; pixels],
+            weights: weights.map(|weights| weights.of_window(window)),
+            aovs: with_aovs.then(|| vec![[0.0; 7]; pixels]),
         };
         let [across, down] = film.layout().tiles();
         for index in 0..across as usize * down as usize {
@@ -145,10 +172,17 @@ impl Copied {
                     copied.counts[place] = replicates.iter().map(|r| r.count).sum();
                     let rgb = |r: usize| replicates[r].mean().map_or([0.0; 3], |m| [m[0], m[1], m[2]]);
                     copied.halves[place] = [rgb(0), rgb(1)];
-                    copied.means[place] = [0, 1, 2].map(|c| {
+                    let count = copied.counts[place];
+                    let mean = |c: usize| {
                         let sum: f64 = replicates.iter().map(|r| f64::from(r.sum[c])).sum();
-                        (sum / f64::from(copied.counts[place].max(1))) as f32
-                    });
+                        (sum / f64::from(count.max(1))) as f32
+                    };
+                    copied.means[place] = [0, 1, 2].map(mean);
+                    if let Some(aovs) = &mut copied.aovs {
+                        let others = tile.aovs(x - tile.window.x0, y - tile.window.y0);
+                        let ([r, g, b], [nx, ny, nz]) = (others.albedo(count), others.normal(count));
+                        aovs[place] = [mean(3), r, g, b, nx, ny, nz];
+                    }
                 }
             }
         }
@@ -156,16 +190,32 @@ impl Copied {
     }
 }
 
+/// Means of a replicate that the film does not have.
+#[derive(Clone, Copy, Debug, Default)]
+struct Fresh {
+    color: [f32; 3],
+    aovs: AovValues,
+}
+
 /// Sum of the samples that a film would accept.
 #[derive(Default)]
 struct Mean {
-    sum: [f64; 3],
+    /// Radiance, alpha, albedo, normal.
+    sum: [f64; 10],
     count: f64,
+}
+
+impl Mean {
+    fn fresh(&self) -> Fresh {
+        let [r, g, b, aovs @ ..] = self.sum.map(|sum| (sum / self.count.max(1.0)) as f32);
+        Fresh { color: [r, g, b], aovs }
+    }
 }
 
 impl SampleSink for Mean {
     fn add(&mut self, _: &PixelWork, _: u32, sample: &Sample) {
-        let values = sample.radiance.to_array();
+        let (c, a, n) = (sample.radiance, sample.albedo, sample.normal);
+        let values = [c.x, c.y, c.z, sample.alpha, a.x, a.y, a.z, n.x, n.y, n.z];
         // Written so that NaN fails too.
         if values.iter().all(|value| value.abs() <= MAX_MAGNITUDE) {
             self.sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += f64::from(value));

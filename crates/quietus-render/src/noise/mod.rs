@@ -9,10 +9,13 @@
 //! Pixels are picked with known probabilities, mostly where the two halves of the film differ, so that few are enough
 //! (Hansen and Hurwitz 1943, *On the Theory of Sampling from Finite Populations*).
 
+mod aovs;
 mod measure;
 
+pub(crate) use aovs::edges;
+pub use aovs::{Aov, AovValues, OfAovs};
 pub use measure::measure_noise;
-pub(crate) use measure::{Copied, Measuring};
+pub(crate) use measure::{Copied, MAX_MAGNITUDE, Measured, Measuring, uniform};
 use serde::{Deserialize, Serialize};
 
 /// Share of the picks that go by the difference of halves; the rest is spread evenly, so that no pixel counts more
@@ -40,6 +43,13 @@ impl Effort {
     /// On the way, to see how far it still is.
     pub const STEP: Self = Self { share: 0.01, picks: 512, most_share: 0.1 };
 
+    /// For a picture that will have `times` as many samples: larger by the root of that.
+    pub(crate) fn for_way_of(self, times: f64) -> Self {
+        let scale = times.clamp(1.0, MOST_TIMES).sqrt();
+        let picks = (scale * self.picks as f64) as usize;
+        Self { share: scale * self.share, picks, most_share: scale * self.most_share }
+    }
+
     /// Share of the samples of a picture of `pixels` pixels that it takes, about.
     pub(crate) fn expected_share(self, pixels: f64) -> f64 {
         // Picks go where samples are: one costs half as many again as the mean pixel.
@@ -52,6 +62,9 @@ impl Effort {
         affordable(self.share).max(self.picks.min(affordable(self.most_share))).max(LEAST_PICKS)
     }
 }
+
+/// Most that the way ahead counts.
+const MOST_TIMES: f64 = 16.0;
 
 /// Picks below which the interval means nothing, whatever they cost.
 const LEAST_PICKS: usize = 64;
@@ -93,6 +106,17 @@ pub struct Finished<'a> {
     pub means: &'a [[f32; 3]],
     /// Samples of each pixel.
     pub counts: &'a [u32],
+    /// What the error of each pixel is multiplied by; 1 where there are none.
+    pub weights: Option<&'a [f32]>,
+    /// Means of alpha, albedo and normal, where their noise is wanted too.
+    pub aovs: Option<&'a [AovValues]>,
+}
+
+impl Finished<'_> {
+    /// What the squared error of a pixel is multiplied by.
+    fn squared_weight(&self, pixel: usize) -> f64 {
+        self.weights.map_or(1.0, |weights| f64::from(weights[pixel]).powi(2))
+    }
 }
 
 /// A pixel to draw again.
@@ -104,8 +128,8 @@ pub struct Pick {
     pub repeat: u32,
     /// Samples for each of the two replicates.
     pub samples: u32,
-    /// Over how many pixels it stands for, relative to the mean: its squared error counts this much.
-    weight: f64,
+    /// Over how many pixels it stands for, relative to the mean, and how much they weigh: its squared error counts this much.
+    pub(crate) weight: f64,
 }
 
 /// Picks pixels of a finished picture. `random` numbers (in 0..1, by index) decide; equal arguments give equal picks.
@@ -113,22 +137,60 @@ pub struct Pick {
 /// # Panics
 /// Where the picture is empty, or its parts differ in length.
 pub fn pick(picture: &Finished<'_>, effort: Effort, random: impl Fn(u64) -> f64) -> Vec<Pick> {
-    let pixels = picture.means.len();
-    assert!(pixels > 0 && picture.halves.len() == pixels && picture.counts.len() == pixels, "a picture");
-    let differences = pooled_differences(picture);
-    let total: f64 = differences.iter().sum();
-    let even = 1.0 / pixels as f64;
-    let chances: Vec<f64> = match total > 0.0 {
-        true => differences.iter().map(|d| GUIDED * d / total + (1.0 - GUIDED) * even).collect(),
-        false => vec![even; pixels],
-    };
+    let chances = chances(picture);
     // As many samples as the pixel has, over both replicates.
     let samples = |pixel: usize| picture.counts[pixel].div_ceil(2).max(1);
     let cost: f64 = chances.iter().enumerate().map(|(p, chance)| chance * 2.0 * f64::from(samples(p))).sum();
     let drawn: f64 = picture.counts.iter().map(|&count| f64::from(count)).sum();
-    let picks = effort.picks(drawn, cost);
-    // One in each of as many equal parts of the cumulated chances: spread over the picture more evenly than picks
-    // that know nothing of each other.
+    pick_among(picture, &chances, effort.picks(drawn, cost), samples, random)
+}
+
+/// The chances by which pixels are picked: mostly where halves differ. They sum to 1.
+///
+/// # Panics
+/// Where the picture is empty, or its parts differ in length.
+fn chances(picture: &Finished<'_>) -> Vec<f64> {
+    let pixels = picture.means.len();
+    assert!(pixels > 0 && picture.halves.len() == pixels && picture.counts.len() == pixels, "a picture");
+    let differences = pooled_differences(picture);
+    let even = 1.0 / pixels as f64;
+    let guided = |guide: &[f64], share: f64| -> Vec<f64> {
+        let total: f64 = guide.iter().sum();
+        let scale = if total > 0.0 { share / total } else { 0.0 };
+        let rest = if total > 0.0 { 0.0 } else { share * even };
+        guide.iter().map(|value| scale * value + rest).collect()
+    };
+    let mut chances = match edges(picture) {
+        None => guided(&differences, GUIDED),
+        Some(edges) => {
+            let edges = guided(&edges, 0.5 * GUIDED);
+            guided(&differences, 0.5 * GUIDED).into_iter().zip(edges).map(|(a, b)| a + b).collect()
+        }
+    };
+    chances.iter_mut().for_each(|chance| *chance += (1.0 - GUIDED) * even);
+    chances
+}
+
+/// As [`pick`], as many as `picks`, each with as many samples as `samples` says of its pixel.
+pub(crate) fn pick_by(
+    picture: &Finished<'_>,
+    picks: usize,
+    samples: impl Fn(usize) -> u32,
+    random: impl Fn(u64) -> f64,
+) -> Vec<Pick> {
+    pick_among(picture, &chances(picture), picks, samples, random)
+}
+
+/// Picks of pixels by their chances: one in each of as many equal parts of the cumulated chances, which is spread over the
+/// picture more evenly than picks that know nothing of each other.
+fn pick_among(
+    picture: &Finished<'_>,
+    chances: &[f64],
+    picks: usize,
+    samples: impl Fn(usize) -> u32,
+    random: impl Fn(u64) -> f64,
+) -> Vec<Pick> {
+    let (pixels, even) = (chances.len(), 1.0 / chances.len() as f64);
     let (mut pixel, mut below, mut repeat) = (0, 0.0, 0);
     let pick = |index: usize| {
         let place = (index as f64 + random(index as u64)) / picks as f64;
@@ -138,17 +200,19 @@ pub fn pick(picture: &Finished<'_>, effort: Effort, random: impl Fn(u64) -> f64)
             pixel += 1;
         }
         repeat = if index > 0 && pixel == before { repeat + 1 } else { 0 };
-        Pick { pixel, repeat, samples: samples(pixel), weight: even / chances[pixel] }
+        let weight = picture.squared_weight(pixel) * even / chances[pixel];
+        Pick { pixel, repeat, samples: samples(pixel), weight }
     };
     (0..picks).map(pick).collect()
 }
 
-/// Squared displayed differences of halves, summed over channels.
+/// Squared displayed differences of halves, summed over channels, each with its weight.
 pub(crate) fn squared_differences(picture: &Finished<'_>) -> Vec<f64> {
-    let square = |[a, b]: &[[f32; 3]; 2]| -> f64 {
-        a.iter().zip(b).map(|(&a, &b)| (displayed(a) - displayed(b)).powi(2)).sum()
+    let square = |(pixel, [a, b]): (usize, &[[f32; 3]; 2])| -> f64 {
+        let square: f64 = a.iter().zip(b).map(|(&a, &b)| (displayed(a) - displayed(b)).powi(2)).sum();
+        picture.squared_weight(pixel) * square
     };
-    picture.halves.iter().map(square).collect()
+    picture.halves.iter().enumerate().map(square).collect()
 }
 
 /// Squared displayed differences of halves, means over the pixels around, summed over channels.
@@ -173,7 +237,11 @@ pub fn estimate(means: &[[f32; 3]], picks: &[Pick], fresh: &[[[f32; 3]; 2]]) -> 
         let channels = (0..3).map(|c| (m[c] - displayed(v[c])) * (m[c] - displayed(w[c])));
         pick.weight * channels.sum::<f64>() / 3.0
     };
-    let values: Vec<f64> = picks.iter().zip(fresh).map(|(pick, fresh)| squared(pick, fresh)).collect();
+    estimate_squares(&picks.iter().zip(fresh).map(|(pick, fresh)| squared(pick, fresh)).collect::<Vec<_>>())
+}
+
+/// The root of a mean of squares from estimates of them.
+fn estimate_squares(values: &[f64]) -> Noise {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0) / n;
@@ -220,7 +288,14 @@ mod tests {
             let halves: Vec<_> =
                 (0..1024).map(|p| [value(&random, p, 0, 0.004), value(&random, p, 1, 0.004)]).collect();
             let means: Vec<_> = (0..1024).map(|p| value(&random, p, 2, 0.01)).collect();
-            let picture = Finished { width: 32, halves: &halves, means: &means, counts: &[64; 1024] };
+            let picture = Finished {
+                width: 32,
+                halves: &halves,
+                means: &means,
+                counts: &[64; 1024],
+                weights: None,
+                aovs: None,
+            };
             let picks = pick(&picture, Effort { share: 0.2501, picks: 0, most_share: 0.0 }, &random);
             // As many samples each as the pixel has, and a little for rounding.
             assert_eq!(picks.len(), 256);
@@ -243,7 +318,14 @@ mod tests {
         let halves: Vec<_> =
             (0..1024).map(|p| [value(&random, p, 0, 0.01), value(&random, p, 1, 0.01)]).collect();
         let means: Vec<_> = halves.iter().map(|h| h[0]).collect();
-        let picture = Finished { width: 32, halves: &halves, means: &means, counts: &[10; 1024] };
+        let picture = Finished {
+            width: 32,
+            halves: &halves,
+            means: &means,
+            counts: &[10; 1024],
+            weights: None,
+            aovs: None,
+        };
         let picks = pick(&picture, Effort { share: 0.0, picks: 400, most_share: 1.0 }, &random);
         let left = picks.iter().filter(|p| p.pixel % 32 < 14).count();
         assert_eq!(picks.len(), 400);
@@ -256,7 +338,14 @@ mod tests {
     #[test]
     fn a_picture_without_noise_has_none() {
         let (halves, means) = (vec![[[0.5; 3]; 2]; 64], vec![[0.5; 3]; 64]);
-        let picture = Finished { width: 8, halves: &halves, means: &means, counts: &[16; 64] };
+        let picture = Finished {
+            width: 8,
+            halves: &halves,
+            means: &means,
+            counts: &[16; 64],
+            weights: None,
+            aovs: None,
+        };
         let picks = pick(&picture, Effort::REPORT, random(1));
         let noise = estimate(&means, &picks, &vec![[[0.5; 3]; 2]; picks.len()]);
         assert_eq!(noise, Noise { reached: 0.0, low: 0.0, high: 0.0 });

@@ -75,5 +75,7 @@ fn settings(job: &Job) -> RenderSettings {
         time_limit: None,
         threads: job.threads,
         machinery: Machinery::default(),
+        weights: None,
+        aov_noise: [None; 3],
     }
 }

@@ -125,8 +125,8 @@ impl Scout {
         self.curves.iter().map(|curve| curve.pixel)
     }
 
-    /// Mean squared error of a picture whose scouted pixels, in their order, have `samples`, and its standard deviation relative to it. `None` where
-    /// too little is known.
+    /// Mean squared error of a picture whose scouted pixels, in their order, have `samples`, and its standard
+    /// deviation relative to it. `None` where too little is known.
     pub(crate) fn square(&self, samples: impl Fn(usize) -> f64) -> Option<f64> {
         let n = self.curves.len() as f64;
         let value =

@@ -97,8 +97,8 @@ impl<T: Tracer> Measuring<'_, T> {
     fn draw_again(&self, pick: &Pick, counters: &Counters) -> [Fresh; 2] {
         let width = self.window.width();
         let (x, y) = (self.window.x0 + pick.pixel as u32 % width, self.window.y0 + pick.pixel as u32 / width);
-        // There are 256 replicates in all; the scout has the last four. Measurements of one picture share some only where they pick a pixel this
-        // often, as in the tiniest ones.
+        // There are 256 replicates in all; the scout has the last four. Measurements of one picture share some only
+        // where they pick a pixel this often, as in the tiniest ones.
         let pair = 1 + (REPEATS * self.number + pick.repeat) % 125;
         [0, 1].map(|half| {
             let replicate = (REPLICATES as u32 * pair + half) as u8;

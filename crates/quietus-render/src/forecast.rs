@@ -9,7 +9,7 @@ use crate::noise::{Finished, edges, pooled_differences};
 const PIXELS: usize = 1 << 16;
 
 /// Largest factor that is looked at: beyond, every pixel is at its maximum. Below its inverse, none gets any more.
-const LARGEST_FACTOR: f64 = 1e12;
+pub(crate) const LARGEST_FACTOR: f64 = 1e12;
 
 /// Factors are found to this precision.
 const FACTOR_STEP: f64 = 1.002;
@@ -139,22 +139,7 @@ impl Forecast {
 
     /// The least factor at which `is_enough`, which must stay so for all larger ones; `None` where it never is.
     pub(crate) fn least(&self, is_enough: impl Fn(&Ahead) -> bool) -> Option<Ahead> {
-        let (mut below, mut above) = (self.at(1.0 / LARGEST_FACTOR), self.limit());
-        if is_enough(&below) {
-            return Some(below);
-        }
-        if !is_enough(&above) {
-            return None;
-        }
-        while above.factor / below.factor > FACTOR_STEP {
-            let middle = self.at((below.factor * above.factor).sqrt());
-            if is_enough(&middle) {
-                above = middle;
-            } else {
-                below = middle;
-            }
-        }
-        Some(above)
+        least_factor(FACTOR_STEP, |factor| is_enough(&self.at(factor))).map(|factor| self.at(factor))
     }
 
     /// The best that the maximum of samples allows.
@@ -195,6 +180,27 @@ pub(crate) fn even(samples: f64) -> u32 {
 fn steps(counts: &PassCounts) -> Vec<u32> {
     let next = |&count: &u32| (count < counts.max_samples).then(|| counts.next(count));
     std::iter::successors(Some(0), next).collect()
+}
+
+/// The least factor of quotas, up to one of `step`, at which there `is_enough`, which must stay so for all larger ones;
+/// `None` where there never is.
+pub(crate) fn least_factor(step: f64, is_enough: impl Fn(f64) -> bool) -> Option<f64> {
+    let (mut below, mut above) = (1.0 / LARGEST_FACTOR, LARGEST_FACTOR);
+    if is_enough(below) {
+        return Some(below);
+    }
+    if !is_enough(above) {
+        return None;
+    }
+    while above / below > step {
+        let middle = (below * above).sqrt();
+        if is_enough(middle) {
+            above = middle;
+        } else {
+            below = middle;
+        }
+    }
+    Some(above)
 }
 
 /// A pixel and what it is to have.

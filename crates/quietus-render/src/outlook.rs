@@ -7,7 +7,7 @@ use quietus::AdaptiveSampling;
 use quietus_film::{Film, Window};
 
 use crate::costs::Costs;
-use crate::forecast::Dealt;
+use crate::forecast::{Dealt, LARGEST_FACTOR, least_factor};
 use crate::noise::{Copied, Effort};
 use crate::scout::Scout;
 use crate::settings::{Goal, RenderSettings, Sampling};
@@ -29,9 +29,6 @@ const LEAST_SCOUTED: (f64, f64) = (8192.0, 0.06);
 /// What is left comes to this times what quotas say: where rare bright paths carry the light, trees find more noise the longer
 /// they look.
 const CREEP: f64 = 1.15;
-
-/// Largest factor that quotas are thought to be multiplied by.
-const LARGEST_FACTOR: f64 = 1e12;
 
 /// Factors are found to this precision.
 const FACTOR_STEP: f64 = 1.01;
@@ -185,18 +182,10 @@ impl Outlook {
     fn factor_to(&self, asked: f64, dealt: &Dealt) -> Option<f64> {
         let goal = asked.powi(2) / self.level.unwrap_or(1.0);
         let square = |factor: f64| self.scout.square(|number| dealt.asked(number, factor));
-        let (mut below, mut above) = (1.0 / LARGEST_FACTOR, LARGEST_FACTOR);
-        if square(below)? <= goal {
-            return Some(below);
-        }
-        while above / below > FACTOR_STEP {
-            let middle = f64::sqrt(below * above);
-            match square(middle).is_some_and(|square| square > goal) {
-                true => below = middle,
-                false => above = middle,
-            }
-        }
-        Some(above)
+        // Nothing is known where too little was scouted.
+        square(1.0 / LARGEST_FACTOR)?;
+        let is_enough = |factor: f64| square(factor).is_none_or(|square| square <= goal);
+        Some(least_factor(FACTOR_STEP, is_enough).unwrap_or(LARGEST_FACTOR))
     }
 
     /// Samples that measure the noise, over those in the picture.

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use quietus::{PixelError, TILE_PIXELS};
-use quietus_film::Window;
+use quietus_film::{TILE, Window};
 
 /// What the error of each pixel of a frame is multiplied by: 0 where it does not matter, 1 where it counts as without weights,
 /// more where it matters more. Samples are dealt by errors so weighted, and the noise of the picture is theirs.
@@ -85,7 +85,7 @@ impl Weights {
     /// Weighs the squared errors of a tile whose first pixel is (`x`, `y`) of the frame.
     pub(crate) fn weigh(&self, [x, y]: [u32; 2], errors: &mut [PixelError; TILE_PIXELS]) {
         for (place, error) in errors.iter_mut().enumerate() {
-            let (x, y) = (x + place as u32 % 8, y + place as u32 / 8);
+            let (x, y) = (x + place as u32 % TILE, y + place as u32 / TILE);
             let weight = if x < self.frame[0] && y < self.frame[1] { self.at(x, y) } else { 1.0 };
             if let Some(square) = error.to_f32().filter(|_| weight != 1.0) {
                 *error = PixelError::from_f32(square * weight * weight);

@@ -275,17 +275,58 @@ fn partial_transmission_is_a_mixture() {
 #[test]
 fn leaves_let_light_pass() {
     let leaf = json!({"diffuseTransmissionFactor": 0.75, "diffuseTransmissionColorFactor": [0, 1, 0]});
-    let scene = with_material(json!({"pbrMetallicRoughness": {"metallicFactor": 0},
-        "extensions": {"KHR_materials_diffuse_transmission": leaf}}));
-    let whole = &scene.materials[scene.objects[0].shapes[0].material.0 as usize];
-    let Surface::Mix { materials, amount } = &whole.surface else { panic!("expected a mixture") };
-    assert_eq!(*amount, ScalarParam::constant(0.75));
-    let Surface::DiffuseTransmission { reflectance, transmittance } =
-        &scene.materials[materials[1].0 as usize].surface
-    else {
+    let material = |thickness: f32, transmission: f32| {
+        let volume =
+            json!({"thicknessFactor": thickness, "attenuationDistance": 1, "attenuationColor": [1, 0.5, 0]});
+        let extensions = json!({"KHR_materials_diffuse_transmission": leaf, "KHR_materials_volume": volume,
+            "KHR_materials_transmission": {"transmissionFactor": transmission}});
+        json!({"pbrMetallicRoughness": {"metallicFactor": 0}, "extensions": extensions})
+    };
+    let scene = with_material(material(0.0, 0.0));
+    let Surface::MetalRough(surface) = &scene.materials[0].surface else {
+        panic!("expected the base material")
+    };
+    assert_eq!(surface.diffuse_transmission.factor, 0.75);
+    assert_eq!((surface.diffuse_transmission_color.factor, scene.media.len()), (Vec3::Y, 0));
+    // With an inside light is absorbed there; where glass is part of it, the rest is a leaf.
+    let solid = with_material(material(1.0, 0.0));
+    assert!(matches!(solid.materials[0].surface, Surface::MetalRough(_)) && solid.media.len() == 1);
+    assert!(solid.objects[0].shapes[0].media.is_some());
+    let both = with_material(material(1.0, 0.5));
+    let whole = &both.materials[both.objects[0].shapes[0].material.0 as usize];
+    let Surface::Mix { materials: [rest, _], .. } = whole.surface else { panic!("expected a mixture") };
+    let Surface::MetalRough(rest) = &both.materials[rest.0 as usize].surface else {
         panic!("expected a leaf")
     };
-    assert_eq!((reflectance.factor, transmittance.factor), (Vec3::ZERO, Vec3::Y));
+    assert_eq!((rest.transmission.factor, rest.diffuse_transmission.factor), (0.0, 0.75));
+}
+
+#[test]
+fn films_and_dispersion() {
+    let film = json!({"iridescenceFactor": 0.5, "iridescenceIor": 1.8, "iridescenceThicknessMaximum": 550});
+    let scene = with_material(json!({"extensions": {"KHR_materials_iridescence": film}}));
+    let Surface::MetalRough(surface) = &scene.materials[0].surface else {
+        panic!("expected the base material")
+    };
+    assert_eq!((surface.film.strength.factor, surface.film.ior), (0.5, 1.8));
+    assert_eq!((surface.film.thickness, surface.film.place), ([100.0, 550.0], ScalarParam::constant(1.0)));
+    // Abbe's number of 30 on an index of 1.6.
+    let mut glass = glass(1.0, 0.0, json!({"thicknessFactor": 1}));
+    glass["extensions"]["KHR_materials_ior"] = json!({"ior": 1.6});
+    glass["extensions"]["KHR_materials_dispersion"] = json!({"dispersion": 20.0 / 30.0});
+    glass["extensions"]["KHR_materials_iridescence"] = film;
+    let scene = with_material(glass.clone());
+    let Surface::Glass(found) = &scene.materials[0].surface else { panic!("expected glass") };
+    let abbe = (found.ior.y - 1.0) / (found.ior.z - found.ior.x);
+    assert!((abbe - 30.0).abs() < 1e-3 && found.film.ior == 1.8, "{found:?}");
+    // A thin wall refracts nothing apart.
+    glass["extensions"]["KHR_materials_volume"] = json!({});
+    let thin = with_material(glass);
+    assert!(matches!(thin.materials[0].surface, Surface::MetalRough(_)));
+    let mut document = triangle();
+    document["materials"] = json!([{"extensions": {"KHR_materials_iridescence": {"iridescenceIor": 0.5}}}]);
+    document["meshes"][0]["primitives"][0]["material"] = json!(0);
+    assert!(message(&document).contains("KHR_materials_iridescence.iridescenceIor: is 0.5, expected"));
 }
 
 #[test]

@@ -146,7 +146,12 @@ pub(crate) fn sample<I: Isa>(
             path.bits(&hit, 2 * depth) << 24
         });
         let frame = path.frame(&hit, &surface);
-        let bsdf = scene.materials.bsdf(surface.material, &surface.surface, path.coverage_key);
+        let bsdf = if scene.materials.disperses(surface.material) {
+            let channel = path.single_out(&hit, depth);
+            scene.materials.bsdf_of_channel(surface.material, &surface.surface, channel)
+        } else {
+            scene.materials.bsdf(surface.material, &surface.surface, path.coverage_key)
+        };
         path.guide(emission, &frame, &bsdf);
         if depth == view.max_depth || matches!(bsdf, Bsdf::Black) {
             break;
@@ -217,6 +222,28 @@ impl<I: Isa> Path<'_, I> {
         let place = u64::from(hit.instance) << 32 | u64::from(hit.shape) << 40 ^ u64::from(hit.primitive);
         let entry = u64::from(hit.t.to_bits()) << 32 | u64::from(salt);
         mix64(mix64(self.coverage_key ^ place) ^ entry)
+    }
+
+    /// Goes on with one colour channel alone, because others part from it: chosen by what each carries, and weighted by
+    /// one over its probability.
+    #[cold]
+    fn single_out(&mut self, hit: &Hit, depth: u32) -> usize {
+        let sum = self.throughput.element_sum();
+        // A salt that no segment has.
+        let mut u = (self.bits(hit, !depth) >> 40) as f32 / (1u32 << 24) as f32 * sum;
+        let mut channel = self.throughput.max_position();
+        for candidate in 0..3 {
+            let carried = self.throughput[candidate];
+            if carried > 0.0 {
+                channel = candidate;
+                if u < carried {
+                    break;
+                }
+                u -= carried;
+            }
+        }
+        self.throughput = Vec3::AXES[channel] * sum;
+        channel
     }
 
     /// Adds light that was scattered `scatterings` times.

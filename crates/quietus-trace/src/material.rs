@@ -38,6 +38,8 @@ struct Compiled {
     opaque: bool,
     /// Whether the directions of the texture coordinates matter.
     needs_tangent: bool,
+    /// Whether colour channels are refracted apart.
+    disperses: bool,
     /// What its coat lets pass, where there is one and a closed form for it.
     coat: Option<Arc<CoatTable>>,
 }
@@ -102,6 +104,7 @@ impl MaterialTable {
                 desc: desc.clone(),
                 opaque: is_opaque(desc, materials),
                 needs_tangent: needs_tangent(desc, materials),
+                disperses: disperses(desc),
                 coat,
             })
             .collect();
@@ -238,6 +241,13 @@ impl MaterialTable {
         self.compiled(id).needs_tangent
     }
 
+    /// Whether it refracts each colour channel in another direction: a path has to go on with one of them, see
+    /// [`bsdf_of_channel`](Self::bsdf_of_channel). Of mixtures, the part that was [resolved](Self::resolve) counts.
+    #[inline]
+    pub fn disperses(&self, id: MaterialId) -> bool {
+        self.compiled(id).disperses
+    }
+
     #[inline]
     fn material(&self, id: MaterialId) -> &desc::Material {
         &self.compiled(id).desc
@@ -261,6 +271,10 @@ fn is_opaque(material: &desc::Material, materials: &[desc::Material]) -> bool {
         }
 }
 
+fn disperses(material: &desc::Material) -> bool {
+    matches!(&material.surface, Surface::Glass(glass) if glass.ior != Vec3::splat(glass.ior.x))
+}
+
 /// Whether a checked material looks at the directions of texture coordinates.
 fn needs_tangent(material: &desc::Material, materials: &[desc::Material]) -> bool {
     let anisotropic = |r: &Roughness| r.u != r.v;
@@ -271,6 +285,7 @@ fn needs_tangent(material: &desc::Material, materials: &[desc::Material]) -> boo
             Surface::Conductor { roughness, .. } | Surface::Dielectric { roughness, .. } => {
                 anisotropic(roughness)
             }
+            Surface::Glass(glass) => anisotropic(&glass.roughness),
             Surface::CoatedDiffuse { coat, .. } => anisotropic(&coat.roughness),
             Surface::CoatedConductor { roughness, coat, .. } => {
                 anisotropic(roughness) || anisotropic(&coat.roughness)

@@ -291,7 +291,7 @@ impl<'a> Document<'a> {
 }
 
 /// What a file may require.
-const SUPPORTED_EXTENSIONS: [&str; 19] = [
+const SUPPORTED_EXTENSIONS: [&str; 21] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
@@ -300,8 +300,10 @@ const SUPPORTED_EXTENSIONS: [&str; 19] = [
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
     "KHR_materials_diffuse_transmission",
+    "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_iridescence",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_sheen",
     "KHR_materials_specular",

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use glam::{Affine2, Mat2, Vec2, Vec3};
 use quietus_trace::desc::{
-    Alpha, Anisotropy, ColorParam, Image, ImageTexture, Mapping, Material, MaterialId, Medium, MediumId,
-    MediumInterface, MetalRough, Roughness, ScalarParam, Surface, TexelFilter, Texels, Texture, TextureId,
-    Wrap,
+    Alpha, Anisotropy, ColorParam, Glass, Image, ImageTexture, Mapping, Material, MaterialId, Medium,
+    MediumId, MediumInterface, MetalRough, Roughness, ScalarParam, Surface, TexelFilter, Texels, Texture,
+    TextureId, ThinFilm, Wrap,
 };
 
 use super::document::Document;
@@ -96,56 +96,43 @@ impl<'d, 'f> Materials<'d, 'f> {
             alpha,
         };
         let volume = &source.extensions.volume;
-        let solid = volume.thickness_factor > 0.0 && metal_rough.transmission.factor > 0.0;
-        if solid && !metal_rough.unlit {
-            let medium = self.attenuation(volume, &base.name, &own)?;
-            let id = self.solid(base, metal_rough);
-            self.interiors.extend(medium.map(|medium| (id, medium)));
-            return Ok(id);
+        let (glass, through) = (metal_rough.transmission, metal_rough.diffuse_transmission);
+        let lets_pass = [glass, through].iter().any(|share| share.factor > 0.0);
+        if volume.thickness_factor <= 0.0 || !lets_pass || metal_rough.unlit {
+            return Ok(self.push(Material { surface: Surface::MetalRough(Box::new(metal_rough)), ..base }));
         }
-        let thin = &source.extensions.diffuse_transmission;
-        if thin.diffuse_transmission_factor > 0.0 && !metal_rough.unlit {
-            return self.leaf(base, metal_rough, thin, &own);
-        }
-        Ok(self.push(Material { surface: Surface::MetalRough(Box::new(metal_rough)), ..base }))
+        let medium = self.attenuation(volume, &base.name, &own)?;
+        let dispersion = self.dispersion(source.extensions.dispersion.dispersion, &own)?;
+        let id = if glass.factor > 0.0 {
+            self.solid(base, metal_rough, dispersion)
+        } else {
+            self.push(Material { surface: Surface::MetalRough(Box::new(metal_rough)), ..base })
+        };
+        self.interiors.extend(medium.map(|medium| (id, medium)));
+        Ok(id)
+    }
+
+    /// KHR_materials_dispersion: 20 over Abbe's number.
+    fn dispersion(&self, value: f32, own: &str) -> Result<f32, SceneError> {
+        let place = format!("{own}.extensions.KHR_materials_dispersion.dispersion");
+        Ok(self.positive([value; 3], &place)?.x)
     }
 
     /// A thing with an inside (KHR_materials_volume): where light is transmitted it refracts.
-    fn solid(&mut self, base: Material, surface: MetalRough) -> MaterialId {
-        let glass = Surface::Dielectric {
-            ior: surface.ior,
-            roughness: Roughness::perceptual(surface.roughness),
-            tint: surface.base_color,
+    fn solid(&mut self, base: Material, surface: MetalRough, dispersion: f32) -> MaterialId {
+        let MetalRough { ior, base_color: tint, film, .. } = surface;
+        let roughness = Roughness::perceptual(surface.roughness);
+        let glass = if dispersion > 0.0 || film.strength.factor > 0.0 {
+            // The extension's own measure: Abbe's number compares these two differences.
+            let spread = 0.025 * dispersion * (ior - 1.0);
+            let ior = Vec3::new((ior - spread).max(1.0), ior, ior + spread);
+            Surface::Glass(Box::new(Glass { ior, roughness, tint, film }))
+        } else {
+            Surface::Dielectric { ior, roughness, tint }
         };
         let (share, metallic) = (surface.transmission, surface.metallic);
         let rest = MetalRough { transmission: ScalarParam::constant(0.0), ..surface };
         self.mix(base, rest, glass, share, metallic)
-    }
-
-    /// A thing that light passes diffusely (KHR_materials_diffuse_transmission).
-    fn leaf(
-        &mut self,
-        base: Material,
-        surface: MetalRough,
-        source: &schema::DiffuseTransmission,
-        own: &str,
-    ) -> Result<MaterialId, SceneError> {
-        let at = |name: &str| format!("{own}.extensions.KHR_materials_diffuse_transmission.{name}");
-        let texture = (source.diffuse_transmission_texture.as_ref(), &*at("diffuseTransmissionTexture"));
-        let factor = (source.diffuse_transmission_factor, &*at("diffuseTransmissionFactor"));
-        let share = self.scalar(factor, texture, 3)?;
-        let color = source.diffuse_transmission_color_factor;
-        let texture = source.diffuse_transmission_color_texture.as_ref();
-        let transmittance = ColorParam {
-            factor: self.unit_color(color, &at("diffuseTransmissionColorFactor")),
-            texture: self.texture(texture, Encoding::Srgb, &at("diffuseTransmissionColorTexture"))?,
-        };
-        let message = "lets light pass instead of its whole surface, not only of what is below its gloss";
-        self.document.warn(&at("diffuseTransmissionFactor"), message);
-        let through =
-            Surface::DiffuseTransmission { reflectance: ColorParam::constant(Vec3::ZERO), transmittance };
-        let metallic = surface.metallic;
-        Ok(self.mix(base, surface, through, share, metallic))
     }
 
     /// `base` with a share of `share * (1 - metallic)` of `other`, and `surface` for the rest.
@@ -276,8 +263,17 @@ impl<'d, 'f> Materials<'d, 'f> {
         own: &str,
     ) -> Result<MetalRough, SceneError> {
         let at = |name: &str| format!("{own}.extensions.KHR_materials_{name}");
-        let schema::MaterialExtensions { transmission, ior, specular, clearcoat, anisotropy, sheen, .. } =
-            &source.extensions;
+        let schema::MaterialExtensions {
+            transmission,
+            diffuse_transmission: through,
+            iridescence,
+            ior,
+            specular,
+            clearcoat,
+            anisotropy,
+            sheen,
+            ..
+        } = &source.extensions;
         let color_place = at("specular.specularColorTexture");
         let coat_normal = clearcoat.clearcoat_normal_texture.as_ref();
         Ok(MetalRough {
@@ -300,6 +296,26 @@ impl<'d, 'f> Materials<'d, 'f> {
                 (transmission.transmission_texture.as_ref(), &at("transmission.transmissionTexture")),
                 0,
             )?,
+            diffuse_transmission: self.scalar(
+                (through.diffuse_transmission_factor, &at("diffuse_transmission.diffuseTransmissionFactor")),
+                (
+                    through.diffuse_transmission_texture.as_ref(),
+                    &at("diffuse_transmission.diffuseTransmissionTexture"),
+                ),
+                3,
+            )?,
+            diffuse_transmission_color: ColorParam {
+                factor: self.unit_color(
+                    through.diffuse_transmission_color_factor,
+                    &at("diffuse_transmission.diffuseTransmissionColorFactor"),
+                ),
+                texture: self.texture(
+                    through.diffuse_transmission_color_texture.as_ref(),
+                    Encoding::Srgb,
+                    &at("diffuse_transmission.diffuseTransmissionColorTexture"),
+                )?,
+            },
+            film: self.film(iridescence, &at("iridescence"))?,
             clearcoat: self.scalar(
                 (clearcoat.clearcoat_factor, &at("clearcoat.clearcoatFactor")),
                 (clearcoat.clearcoat_texture.as_ref(), &at("clearcoat.clearcoatTexture")),
@@ -340,6 +356,35 @@ impl<'d, 'f> Materials<'d, 'f> {
             strength: self.unit(source.anisotropy_strength, &format!("{place}.anisotropyStrength")),
             rotation,
             texture: self.texture(texture, Encoding::Linear, &format!("{place}.anisotropyTexture"))?,
+        })
+    }
+
+    fn film(&mut self, source: &schema::Iridescence, place: &str) -> Result<ThinFilm, SceneError> {
+        let at = |name: &str| format!("{place}.iridescence{name}");
+        let ior = source.iridescence_ior;
+        if !(ior.is_finite() && ior >= 1.0) {
+            return Err(self
+                .document
+                .invalid(&at("Ior"), format!("is {ior}, expected a number of at least 1")));
+        }
+        let [least, most] = [
+            (source.iridescence_thickness_minimum, "ThicknessMinimum"),
+            (source.iridescence_thickness_maximum, "ThicknessMaximum"),
+        ]
+        .map(|(value, name)| self.positive([value; 3], &at(name)));
+        Ok(ThinFilm {
+            strength: self.scalar(
+                (source.iridescence_factor, &at("Factor")),
+                (source.iridescence_texture.as_ref(), &at("Texture")),
+                0,
+            )?,
+            ior,
+            thickness: [least?.x, most?.x],
+            place: self.scalar(
+                (1.0, ""),
+                (source.iridescence_thickness_texture.as_ref(), &at("ThicknessTexture")),
+                1,
+            )?,
         })
     }
 

@@ -219,6 +219,10 @@ pub(super) struct MaterialExtensions {
     pub volume: Volume,
     #[serde(rename = "KHR_materials_diffuse_transmission")]
     pub diffuse_transmission: DiffuseTransmission,
+    #[serde(rename = "KHR_materials_dispersion")]
+    pub dispersion: Dispersion,
+    #[serde(rename = "KHR_materials_iridescence")]
+    pub iridescence: Iridescence,
     #[serde(rename = "KHR_materials_unlit")]
     pub unlit: Option<serde::de::IgnoredAny>,
     #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
@@ -276,6 +280,36 @@ impl Default for DiffuseTransmission {
             diffuse_transmission_texture: None,
             diffuse_transmission_color_factor: [1.0; 3],
             diffuse_transmission_color_texture: None,
+        }
+    }
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Dispersion {
+    pub dispersion: f32,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Iridescence {
+    pub iridescence_factor: f32,
+    pub iridescence_texture: Option<TextureInfo>,
+    pub iridescence_ior: f32,
+    pub iridescence_thickness_minimum: f32,
+    pub iridescence_thickness_maximum: f32,
+    pub iridescence_thickness_texture: Option<TextureInfo>,
+}
+
+impl Default for Iridescence {
+    fn default() -> Self {
+        Self {
+            iridescence_factor: 0.0,
+            iridescence_texture: None,
+            iridescence_ior: 1.3,
+            iridescence_thickness_minimum: 100.0,
+            iridescence_thickness_maximum: 400.0,
+            iridescence_thickness_texture: None,
         }
     }
 }

@@ -52,7 +52,13 @@ impl SplitAlbedo {
     /// of [`lost`](Self::lost) that is reflected after all.
     #[inline]
     pub(super) fn left(self, f0: f32, f90: f32, recovered: f32) -> f32 {
-        (1.0 - (f0 * self.a + f90 * self.b + recovered * self.lost()) - self.error).max(0.0)
+        self.left_by(f0 * self.a + f90 * self.b, recovered)
+    }
+
+    /// The same for a lobe that reflects `reflected` of the light.
+    #[inline]
+    pub(super) fn left_by(self, reflected: f32, recovered: f32) -> f32 {
+        (1.0 - (reflected + recovered * self.lost()) - self.error).max(0.0)
     }
 }
 

@@ -2,7 +2,12 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{BsdfSample, fresnel, ggx::Ggx};
+use super::{
+    BsdfSample,
+    film::{Film, FilmParams},
+    fresnel,
+    ggx::Ggx,
+};
 
 /// A GGX dielectric; +z points out of the medium.
 #[derive(Clone, Copy, Debug)]
@@ -13,6 +18,8 @@ pub struct Dielectric {
     tint: Vec3,
     /// `None` where perfectly smooth.
     ggx: Option<Ggx>,
+    /// A film on it, if there is one.
+    film: Option<Film>,
 }
 
 /// Below this product of `alpha` and `|ior - 1|`, which is about the width of the transmitted lobe, the surface
@@ -28,7 +35,13 @@ impl Dielectric {
         let least = Vec2::splat(MIN_REFRACTED_WIDTH / (ior - 1.0).abs());
         let ggx =
             ggx.filter(|g| g.alpha().max_element() >= least.x).and_then(|g| Ggx::new(g.alpha().max(least)));
-        Self { ior, tint, ggx }
+        Self { ior, tint, ggx, film: None }
+    }
+
+    /// The same with a thin film on it.
+    pub fn with_film(self, film: FilmParams) -> Self {
+        let (f0, _) = fresnel::dielectric(1.0, self.ior);
+        Self { film: Film::new(film, Vec3::splat(f0)), ..self }
     }
 
     #[inline]
@@ -61,14 +74,46 @@ impl Dielectric {
 
     #[inline]
     pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
-        let Some(Pair { reflected, f, eta, value, pdf }) = self.pair(wo, wi) else {
+        let Some(Pair { reflected, f, eta, cos_o, value, pdf }) = self.pair(wo, wi) else {
             return (Vec3::ZERO, 0.0);
         };
+        let color = self.color(cos_o, eta, !reflected);
         if reflected {
-            (Vec3::splat(f * value), f * pdf)
+            (color * (f * value), f * pdf)
         } else {
-            (self.tint * ((1.0 - f) * value / (eta * eta)), (1.0 - f) * pdf)
+            (color * self.tint * ((1.0 - f) * value / (eta * eta)), (1.0 - f) * pdf)
         }
+    }
+
+    /// Reflectance of a facet that light meets at cosine `cos_o`, under a film the mean over channels, and the cosine
+    /// of the refracted direction.
+    #[inline]
+    fn reflectance(&self, cos_o: f32, eta: f32) -> (f32, f32) {
+        let (f, cos_t) = fresnel::dielectric(cos_o, eta);
+        match &self.film {
+            Some(film) if cos_t > 0.0 => (mean(self.filmed(film, f, cos_o, cos_t, eta)), cos_t),
+            _ => (f, cos_t),
+        }
+    }
+
+    /// The colour of what is reflected or transmitted, as a factor on what [`reflectance`](Self::reflectance) says.
+    #[inline]
+    fn color(&self, cos_o: f32, eta: f32, transmission: bool) -> Vec3 {
+        let Some(film) = &self.film else { return Vec3::ONE };
+        let (f, cos_t) = fresnel::dielectric(cos_o, eta);
+        if cos_t <= 0.0 {
+            return Vec3::ONE;
+        }
+        let reflected = self.filmed(film, f, cos_o, cos_t, eta);
+        let share = if transmission { 1.0 - reflected } else { reflected };
+        share / mean(share).max(f32::MIN_POSITIVE)
+    }
+
+    /// The reflectance `f` with the film; light takes the same way back, so that the cosine in air counts for both ways.
+    #[inline(never)]
+    fn filmed(&self, film: &Film, f: f32, cos_o: f32, cos_t: f32, eta: f32) -> Vec3 {
+        let in_air = if (eta > 1.0) == (self.ior > 1.0) { cos_o } else { cos_t };
+        film.over(Vec3::splat(f), in_air)
     }
 
     /// What a rough surface does between two directions; `None` where it is smooth or they see different facets.
@@ -91,7 +136,7 @@ impl Dielectric {
         if length == 0.0 || cos_o <= 0.0 || (cos_i > 0.0) != reflected {
             return None;
         }
-        let (f, _) = fresnel::dielectric(cos_o, eta);
+        let (f, _) = self.reflectance(cos_o, eta);
         let density = if reflected {
             ggx.d(h) / (4.0 * wo.z)
         } else {
@@ -99,7 +144,7 @@ impl Dielectric {
             let jacobian = eta * eta * -cos_i / (length * length);
             ggx.d(h) * cos_o / wo.z * jacobian
         };
-        Some(Pair { reflected, f, eta, value: density * ggx.g2(wo, wi), pdf: density * ggx.g1(wo) })
+        Some(Pair { reflected, f, eta, cos_o, value: density * ggx.g2(wo, wi), pdf: density * ggx.g1(wo) })
     }
 
     #[inline]
@@ -112,6 +157,7 @@ impl Dielectric {
         } else {
             (facet.f, Vec3::ONE, 1.0)
         };
+        let color = color * self.color(facet.cos_o, facet.eta, transmission);
         let pdf = choice * pdf;
         // Underflows at directions within rounding of the horizon.
         if pdf <= 0.0 {
@@ -134,7 +180,7 @@ impl Dielectric {
         if cos_o <= 0.0 {
             return None;
         }
-        let (f, cos_t) = fresnel::dielectric(cos_o, eta);
+        let (f, cos_t) = self.reflectance(cos_o, eta);
         Some(Facet { side, wo, h, cos_o, cos_t, f, eta })
     }
 
@@ -159,6 +205,12 @@ impl Dielectric {
         });
         Some(Part { wi: wi.normalize() * side, shadowing, pdf })
     }
+}
+
+/// The mean of the channels.
+#[inline]
+fn mean(color: Vec3) -> f32 {
+    color.element_sum() * (1.0 / 3.0)
 }
 
 /// The two sides on their own, as layers on top of each other want them: as shares of energy, without the compression
@@ -191,6 +243,8 @@ struct Pair {
     f: f32,
     /// Index on `wi`'s far side over the one on `wo`'s.
     eta: f32,
+    /// Cosine between the facet and `wo`.
+    cos_o: f32,
     /// BSDF times cosine if all light took this way, as energy.
     value: f32,
     /// Density per steradian given that light takes this way.

@@ -9,6 +9,7 @@
 //!   Physically Based Shading at Imageworks").
 //! - Masking and shadowing are height-correlated.
 //!
+//! - What a thin film lets pass to the layer below is bounded from below, see [`film`](super::film).
 //! - The sheen is cut where it would reflect more than arrives, see [`sheen`](super::sheen).
 //!
 //! The whole reflects at most what arrives, and is reciprocal unless the coat has a normal of its own (which breaks
@@ -21,6 +22,7 @@ use glam::{Vec2, Vec3};
 use super::{
     BsdfSample,
     albedo_table::{LobeAlbedo, SplitAlbedo},
+    film::{Film, FilmParams},
     fresnel::schlick_weight,
     ggx::Ggx,
     sheen::Sheen,
@@ -29,6 +31,8 @@ use crate::{frame::Frame, warp};
 
 /// F0 of the clear coat: an index of 1.5, as KHR_materials_clearcoat says.
 const COAT_F0: f32 = 0.04;
+/// The mean cosine of light from all sides: where a film's colour stands for its mean over angles.
+const MEAN_COSINE: f32 = 2.0 / 3.0;
 
 /// The model's parameters at one point, textures looked up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +53,12 @@ pub struct MetalRoughParams {
     pub specular_color: Vec3,
     /// Share of the light entering the dielectric that passes a thin wall, in 0..1.
     pub transmission: f32,
+    /// Share of the light that would be scattered below the dielectric which is scattered to the other side, in 0..1.
+    pub diffuse_transmission: f32,
+    /// Colour of that light, in 0..1.
+    pub diffuse_transmission_color: Vec3,
+    /// Between air and both dielectric and metal; none where its strength is 0.
+    pub film: FilmParams,
     /// Strength of the clear coat, in 0..1.
     pub clearcoat: f32,
     /// Perceptual roughness of the clear coat, in 0..1.
@@ -73,6 +83,9 @@ impl Default for MetalRoughParams {
             specular: 1.0,
             specular_color: Vec3::ONE,
             transmission: 0.0,
+            diffuse_transmission: 0.0,
+            diffuse_transmission_color: Vec3::ONE,
+            film: FilmParams { strength: 0.0, ior: 1.3, thickness: 400.0 },
             clearcoat: 0.0,
             clearcoat_roughness: 0.0,
             clearcoat_normal: Vec3::Z,
@@ -82,8 +95,8 @@ impl Default for MetalRoughParams {
     }
 }
 
-/// A GGX lobe with Schlick's Fresnel term, a diffuse and a thin-walled transmission lobe below it, sheen and a GGX coat
-/// above, the same from both sides.
+/// A GGX lobe with Schlick's Fresnel term or a thin film's, a diffuse lobe to either side and a thin-walled transmission
+/// lobe below it, sheen and a GGX coat above, the same from both sides.
 #[derive(Clone, Copy, Debug)]
 pub struct MetalRough {
     /// Fresnel terms of the specular lobe, dielectric and metal mixed.
@@ -91,8 +104,12 @@ pub struct MetalRough {
     f90: Vec3,
     /// The dielectric alone: what it reflects does not reach the layer below.
     dielectric: DielectricLayer,
+    /// The film over the metal, and the metal's share.
+    metal_film: Option<(Film, f32)>,
     /// Albedo of the diffuse lobe below the dielectric.
     diffuse: Vec3,
+    /// What that lobe scatters to the other side.
+    diffuse_through: Vec3,
     /// Share of what single scattering loses that leaves after further scattering.
     recovered: Vec3,
     /// Colour of the transmitted lobe.
@@ -117,6 +134,7 @@ struct DielectricLayer {
     f90: f32,
     max_f0: f32,
     recovered: f32,
+    film: Option<Film>,
 }
 
 /// A clear coat.
@@ -142,7 +160,7 @@ struct Outgoing {
     /// Share of that which passes the sheen.
     below_sheen: f32,
     /// Probability of each lobe, in [`Lobe`]'s order.
-    p: [f32; 5],
+    p: [f32; 6],
 }
 
 /// The parts that are sampled each by its own strategy.
@@ -155,9 +173,12 @@ enum Lobe {
     Coat,
     /// Sheen, uniformly: it is brightest at the horizon.
     Sheen,
+    /// Diffuse light on the other side, by the cosine.
+    Through,
 }
 
-const LOBES: [Lobe; 5] = [Lobe::Cosine, Lobe::Specular, Lobe::Transmitted, Lobe::Coat, Lobe::Sheen];
+const LOBES: [Lobe; 6] =
+    [Lobe::Cosine, Lobe::Specular, Lobe::Transmitted, Lobe::Coat, Lobe::Sheen, Lobe::Through];
 
 impl MetalRough {
     /// From the parameters at a point.
@@ -168,31 +189,36 @@ impl MetalRough {
         let lobe_albedo = LobeAlbedo::new(ggx);
         let mean = lobe_albedo.mean();
         let r = (p.ior - 1.0) / (p.ior + 1.0);
-        let dielectric =
-            DielectricLayer::new((r * r * p.specular_color).min(Vec3::ONE) * p.specular, p.specular, mean);
-        let below = p.base_color * (1.0 - p.metallic);
-        let f0 = dielectric.f0.lerp(p.base_color, p.metallic);
-        let f90 = Vec3::splat(p.specular + (1.0 - p.specular) * p.metallic);
-        Self {
-            f0,
-            f90,
+        let dielectric_f0 = (r * r * p.specular_color).min(Vec3::ONE) * p.specular;
+        let dielectric = DielectricLayer::new(dielectric_f0, p.specular, p.film, mean);
+        let metal_film = Film::new(p.film, p.base_color).filter(|_| p.metallic > 0.0);
+        let below = 1.0 - p.metallic;
+        let diffuse = below * (1.0 - p.transmission);
+        let mut whole = Self {
+            f0: dielectric.f0.lerp(p.base_color, p.metallic),
+            f90: Vec3::splat(p.specular + (1.0 - p.specular) * p.metallic),
             dielectric,
-            diffuse: below * (1.0 - p.transmission),
-            recovered: recovered(f0, f90, mean),
-            transmitted: below * p.transmission,
+            metal_film: metal_film.map(|film| (film, p.metallic)),
+            diffuse: p.base_color * (diffuse * (1.0 - p.diffuse_transmission)),
+            diffuse_through: p.diffuse_transmission_color * (diffuse * p.diffuse_transmission),
+            recovered: Vec3::ZERO,
+            transmitted: p.base_color * (below * p.transmission),
             ggx,
             lobe_albedo,
-            mean_pass: dielectric.pass(mean),
+            mean_pass: dielectric.mean_pass(mean),
             mean_lost: mean.lost(),
             sheen: Sheen::new(p.sheen_color, p.sheen_roughness),
             coat: Coat::new(p),
-        }
+        };
+        whole.recovered = recovered(whole.filmed(mean_schlick(whole.f0, whole.f90), MEAN_COSINE), mean);
+        whole
     }
 
     /// Whether all lobes are delta.
     pub(super) fn is_delta(&self) -> bool {
         self.ggx.is_none()
             && self.diffuse == Vec3::ZERO
+            && self.diffuse_through == Vec3::ZERO
             && self.sheen.is_none()
             && self.coat.is_none_or(|c| c.ggx.is_none())
     }
@@ -200,7 +226,7 @@ impl MetalRough {
     /// Whether nothing passes through.
     #[inline]
     pub(super) fn reflects_only(&self) -> bool {
-        self.transmitted == Vec3::ZERO
+        self.transmitted == Vec3::ZERO && self.diffuse_through == Vec3::ZERO
     }
 
     /// Whether the coat has a normal of its own.
@@ -212,8 +238,34 @@ impl MetalRough {
     /// Reflectance under light from all sides, transmission included, without the coat.
     pub(super) fn albedo(&self) -> Vec3 {
         let mean = self.lobe_albedo.mean();
-        let specular = mean.with(self.f0, self.f90) + self.recovered * self.mean_lost;
-        specular + (self.diffuse + self.transmitted) * self.mean_pass
+        let specular =
+            self.filmed(mean.with(self.f0, self.f90), MEAN_COSINE) + self.recovered * self.mean_lost;
+        specular + (self.diffuse + self.diffuse_through + self.transmitted) * self.mean_pass
+    }
+
+    /// Reflectance of a facet seen at cosine `cos`.
+    #[inline]
+    fn fresnel(&self, cos: f32) -> Vec3 {
+        self.filmed(self.f0.lerp(self.f90, schlick_weight(cos)), cos)
+    }
+
+    /// `plain`, the reflectance without the film, with the film.
+    #[inline]
+    fn filmed(&self, plain: Vec3, cos: f32) -> Vec3 {
+        let Some(film) = &self.dielectric.film else { return plain };
+        let metal = self.metal_film.map_or(Vec3::ZERO, |(film, share)| share * film.reflectance(cos));
+        let share = 1.0 - self.metal_film.map_or(0.0, |(_, share)| share);
+        plain.lerp(share * film.reflectance(cos) + metal, film.strength())
+    }
+
+    /// At least the albedo of the specular lobe's largest channel.
+    #[inline]
+    fn specular_bound(&self, e: SplitAlbedo) -> f32 {
+        let plain = e.with(self.f0, self.f90).max_element();
+        let Some(film) = &self.dielectric.film else { return plain };
+        let metal = self.metal_film.map_or(0.0, |(film, share)| share * film.albedo_bound(e));
+        let share = 1.0 - self.metal_film.map_or(0.0, |(_, share)| share);
+        plain + (share * film.albedo_bound(e) + metal - plain) * film.strength()
     }
 
     #[inline]
@@ -225,13 +277,13 @@ impl MetalRough {
         let below = below_coat * below_sheen;
         let pass = self.dielectric.pass(albedo);
         let cosine = self.diffuse * pass + self.recovered * albedo.lost();
-        let specular = albedo.with(self.f0, self.f90);
         let weights = [
             below * cosine.max_element(),
-            below * specular.max_element(),
+            below * self.specular_bound(albedo),
             below * pass * self.transmitted.max_element(),
             1.0 - below_coat,
             below_coat * (1.0 - below_sheen),
+            below * pass * self.diffuse_through.max_element(),
         ];
         let sum: f32 = weights.iter().sum();
         Outgoing { wo, albedo, below_coat, below_sheen, p: weights.map(|w| w / sum.max(f32::MIN_POSITIVE)) }
@@ -248,16 +300,13 @@ impl MetalRough {
     /// Value and density for `wi` turned the way `out.wo` is.
     #[inline]
     fn eval_pdf_with(&self, out: &Outgoing, wi: Vec3) -> (Vec3, f32) {
-        let [p_cosine, p_specular, p_transmitted, p_coat, p_sheen] = out.p;
+        let [p_cosine, p_specular, _, p_coat, p_sheen, _] = out.p;
         let wo = out.wo;
         let through_coat = out.below_coat * self.coat.map_or(1.0, |c| c.pass(wi));
         let through_sheen = self.through_sheen(out, wi);
         if wi.z < 0.0 {
-            // A thin wall: the reflected lobe, mirrored.
-            let Some(ggx) = self.ggx else { return (Vec3::ZERO, 0.0) };
-            let (schlick, f, pdf) = reflect_lobe(ggx, wo, mirror(wi));
-            let through = through_coat * through_sheen;
-            return (self.transmittance(schlick) * (f * through), p_transmitted * pdf);
+            let (value, pdf) = self.eval_pdf_behind(out, wi);
+            return (value * (through_coat * through_sheen), pdf);
         }
         let albedo = self.lobe_albedo.at(wi.z);
         let cosine = wi.z * FRAC_1_PI;
@@ -267,8 +316,8 @@ impl MetalRough {
         value *= cosine;
         let mut pdf = p_cosine * cosine;
         if let Some(ggx) = self.ggx {
-            let (schlick, f, lobe_pdf) = reflect_lobe(ggx, wo, wi);
-            value += self.f0.lerp(self.f90, schlick) * f;
+            let (cos, f, lobe_pdf) = reflect_lobe(ggx, wo, wi);
+            value += self.fresnel(cos) * f;
             pdf += p_specular * lobe_pdf;
         }
         value *= through_sheen;
@@ -280,6 +329,27 @@ impl MetalRough {
         if let Some((f, lobe_pdf)) = self.coat.and_then(|c| c.eval_pdf(wo, wi)) {
             value += f;
             pdf += p_coat * lobe_pdf;
+        }
+        (value, pdf)
+    }
+
+    /// Value and density for `wi` on the other side, without sheen and coat.
+    #[inline]
+    fn eval_pdf_behind(&self, out: &Outgoing, wi: Vec3) -> (Vec3, f32) {
+        let [_, _, p_transmitted, _, _, p_through] = out.p;
+        let (mut value, mut pdf) = (Vec3::ZERO, 0.0);
+        if self.diffuse_through != Vec3::ZERO {
+            let pass = self.dielectric.pass(self.lobe_albedo.at(wi.z));
+            let cosine = -wi.z * FRAC_1_PI;
+            let through = two_way(self.dielectric.pass(out.albedo), pass, self.mean_pass);
+            value = self.diffuse_through * (through * cosine);
+            pdf = p_through * cosine;
+        }
+        if let Some(ggx) = self.ggx.filter(|_| self.transmitted != Vec3::ZERO) {
+            // A thin wall: the reflected lobe, mirrored.
+            let (cos, f, lobe_pdf) = reflect_lobe(ggx, out.wo, mirror(wi));
+            value += self.transmittance(cos) * f;
+            pdf += p_transmitted * lobe_pdf;
         }
         (value, pdf)
     }
@@ -296,6 +366,7 @@ impl MetalRough {
         let wi = match (lobe, self.ggx, self.coat) {
             (Lobe::Cosine, ..) => warp::cosine_hemisphere(u),
             (Lobe::Sheen, ..) => warp::uniform_hemisphere(u),
+            (Lobe::Through, ..) => mirror(warp::cosine_hemisphere(u)),
             (Lobe::Specular, Some(ggx), _) => reflect(up, ggx.sample_visible(up, u)),
             (Lobe::Transmitted, Some(ggx), _) => {
                 let wi = reflect(up, ggx.sample_visible(up, u));
@@ -308,7 +379,7 @@ impl MetalRough {
             (Lobe::Coat, _, Some(coat @ Coat { ggx: Some(ggx), .. })) => coat.sample(ggx, up, u)?,
             _ => return self.sample_delta(&out, lobe, p, side),
         };
-        let transmission = lobe == Lobe::Transmitted;
+        let transmission = matches!(lobe, Lobe::Transmitted | Lobe::Through);
         if wi.z == 0.0 || (wi.z < 0.0) != transmission {
             return None;
         }
@@ -320,11 +391,11 @@ impl MetalRough {
 
     /// The direction of a perfectly smooth `lobe`, chosen with probability `p`.
     fn sample_delta(&self, out: &Outgoing, lobe: Lobe, p: f32, side: f32) -> Option<BsdfSample> {
-        let schlick = schlick_weight(out.wo.z);
+        let cos = out.wo.z;
         let reflected = mirror(-out.wo);
         let (wi, value) = match (lobe, self.coat) {
-            (Lobe::Specular, _) => (reflected, self.f0.lerp(self.f90, schlick)),
-            (Lobe::Transmitted, _) => (-out.wo, self.transmittance(schlick)),
+            (Lobe::Specular, _) => (reflected, self.fresnel(cos)),
+            (Lobe::Transmitted, _) => (-out.wo, self.transmittance(cos)),
             (_, Some(coat)) => (coat.mirrored(out.wo)?, Vec3::splat(coat.reflectance(out.wo))),
             (_, None) => return None,
         };
@@ -349,23 +420,50 @@ impl MetalRough {
         self.sheen.map_or(1.0, |s| out.below_sheen.min(s.left(wi.z.abs())))
     }
 
-    /// Share of light that passes a thin wall at a half vector with the given Schlick weight.
+    /// Share of light that passes a thin wall whose facet is seen at cosine `cos`.
     #[inline]
-    fn transmittance(&self, schlick: f32) -> Vec3 {
-        self.transmitted * (Vec3::ONE - self.dielectric.f0.lerp(Vec3::splat(self.dielectric.f90), schlick))
+    fn transmittance(&self, cos: f32) -> Vec3 {
+        self.transmitted * (Vec3::ONE - self.dielectric.fresnel(cos))
     }
 }
 
 impl DielectricLayer {
-    fn new(f0: Vec3, f90: f32, mean: SplitAlbedo) -> Self {
+    fn new(f0: Vec3, f90: f32, film: FilmParams, mean: SplitAlbedo) -> Self {
         let max_f0 = f0.max_element();
-        Self { f0, f90, max_f0, recovered: recovered(Vec3::splat(max_f0), Vec3::splat(f90), mean).x }
+        let film = Film::new(film, f0);
+        let mut layer = Self { f0, f90, max_f0, recovered: 0.0, film };
+        let mut fresnel = mean_schlick(f0, Vec3::splat(f90));
+        if let Some(film) = film {
+            fresnel = film.over(fresnel, MEAN_COSINE);
+        }
+        layer.recovered = recovered(Vec3::splat(fresnel.max_element()), mean).x;
+        layer
+    }
+
+    /// Reflectance of a facet seen at cosine `cos`.
+    #[inline]
+    fn fresnel(&self, cos: f32) -> Vec3 {
+        let plain = self.f0.lerp(Vec3::splat(self.f90), schlick_weight(cos));
+        self.film.map_or(plain, |film| film.over(plain, cos))
     }
 
     /// Share of light that reaches the layer below.
     #[inline]
     fn pass(&self, e: SplitAlbedo) -> f32 {
-        e.left(self.max_f0, self.f90, self.recovered)
+        let plain = e.left(self.max_f0, self.f90, self.recovered);
+        self.film.map_or(plain, |film| {
+            let filmed = e.left_by(film.albedo_bound(e), self.recovered);
+            (plain + (filmed - plain) * film.strength()).max(0.0)
+        })
+    }
+
+    /// At least the cosine-weighted mean of [`pass`](Self::pass), given that of albedos.
+    fn mean_pass(&self, mean: SplitAlbedo) -> f32 {
+        let plain = mean.left(self.max_f0, self.f90, self.recovered);
+        self.film.map_or(plain, |film| {
+            let filmed = mean.left_by(film.mean_bound(mean), self.recovered);
+            (plain + (filmed - plain) * film.strength()).max(0.0)
+        })
     }
 }
 
@@ -418,8 +516,8 @@ impl Coat {
         if local_o.z <= 0.0 || local_i.z <= 0.0 {
             return None;
         }
-        let (schlick, f, pdf) = reflect_lobe(ggx, local_o, local_i);
-        Some((self.strength * (COAT_F0 + (1.0 - COAT_F0) * schlick) * f, pdf))
+        let (cos, f, pdf) = reflect_lobe(ggx, local_o, local_i);
+        Some((self.strength * (COAT_F0 + (1.0 - COAT_F0) * schlick_weight(cos)) * f, pdf))
     }
 
     #[inline]
@@ -454,13 +552,16 @@ impl Outgoing {
     }
 }
 
-/// Share of the light lost by single scattering that leaves in the end, for Fresnel terms `f0` and `f90` (Kulla
+/// Share of the light lost by single scattering that leaves in the end, where facets reflect `f` of it on the mean (Kulla
 /// and Conty 2017, with the power series of Hill's "A Multi-Faceted Exploration", part 3).
-fn recovered(f0: Vec3, f90: Vec3, mean: SplitAlbedo) -> Vec3 {
-    // Cosine-weighted mean of Schlick's approximation.
-    let f = f0 + (f90 - f0) / 21.0;
+fn recovered(f: Vec3, mean: SplitAlbedo) -> Vec3 {
     let kept = 1.0 - mean.lost();
     f * f * kept / (Vec3::ONE - f * mean.lost())
+}
+
+/// Cosine-weighted mean of Schlick's approximation.
+fn mean_schlick(f0: Vec3, f90: Vec3) -> Vec3 {
+    f0 + (f90 - f0) / 21.0
 }
 
 /// A diffuse lobe's factor that reflects `out` of the light in direction `wo` and is reciprocal, given the
@@ -482,11 +583,11 @@ fn reflect(wo: Vec3, h: Vec3) -> Vec3 {
     (2.0 * wo.dot(h) * h - wo).normalize()
 }
 
-/// The GGX reflection lobe for directions on +z's side: Schlick's weight, BRDF times cosine for a reflectance of
+/// The GGX reflection lobe for directions on +z's side: cosine with the facet, BRDF times cosine for a reflectance of
 /// 1, and density by visible normals.
 #[inline]
 fn reflect_lobe(ggx: Ggx, wo: Vec3, wi: Vec3) -> (f32, f32, f32) {
     let h = (wo + wi).normalize();
     let common = ggx.d(h) / (4.0 * wo.z);
-    (schlick_weight(wo.dot(h)), common * ggx.g2(wo, wi), common * ggx.g1(wo))
+    (wo.dot(h), common * ggx.g2(wo, wi), common * ggx.g1(wo))
 }

@@ -17,6 +17,7 @@ pub mod ggx;
 mod albedo_table;
 mod conductor;
 mod dielectric;
+mod film;
 pub mod hair;
 pub mod layered;
 mod metal_rough;
@@ -29,6 +30,7 @@ use glam::{Vec2, Vec3};
 
 pub use conductor::Conductor;
 pub use dielectric::Dielectric;
+pub use film::{Film, FilmParams};
 pub use hair::{Hair, HairParams};
 pub use layered::{CoatedDiffuse, Layered};
 pub use metal_rough::{MetalRough, MetalRoughParams};

@@ -69,6 +69,8 @@ pub enum Surface {
         /// Multiplies what is transmitted.
         tint: ColorParam,
     },
+    /// A dielectric that disperses light, or has a film on it.
+    Glass(Box<Glass>),
     /// A pane: two parallel smooth interfaces so close that light leaves where it came in.
     ThinDielectric {
         /// Index of refraction.
@@ -113,6 +115,19 @@ pub enum Surface {
     MetalRough(Box<MetalRough>),
 }
 
+/// A GGX dielectric that refracts, with more to it; the geometric normal points out of the medium with the given index.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glass {
+    /// Index of refraction inside over outside, per colour channel. Where channels differ a path goes on with one of them.
+    pub ior: Vec3,
+    /// Of its surface; smooth where it is 0.
+    pub roughness: Roughness,
+    /// Multiplies what is transmitted.
+    pub tint: ColorParam,
+    /// On its surface.
+    pub film: ThinFilm,
+}
+
 /// The metallic-roughness model of glTF 2.0 (specification, appendix B) and KHR extensions, field by field.
 #[derive(Clone, Debug)]
 pub struct MetalRough {
@@ -130,6 +145,13 @@ pub struct MetalRough {
     pub specular_color: ColorParam,
     /// KHR_materials_transmission: share of light that passes a thin wall (texture channel R).
     pub transmission: ScalarParam,
+    /// KHR_materials_diffuse_transmission: share of what is scattered below the gloss that leaves on the other side
+    /// (channel A).
+    pub diffuse_transmission: ScalarParam,
+    /// KHR_materials_diffuse_transmission: colour of that.
+    pub diffuse_transmission_color: ColorParam,
+    /// KHR_materials_iridescence.
+    pub film: ThinFilm,
     /// KHR_materials_clearcoat: strength (channel R).
     pub clearcoat: ScalarParam,
     /// KHR_materials_clearcoat: perceptual roughness (channel G).
@@ -157,6 +179,9 @@ impl Default for MetalRough {
             specular: ScalarParam::constant(1.0),
             specular_color: ColorParam::constant(Vec3::ONE),
             transmission: ScalarParam::constant(0.0),
+            diffuse_transmission: ScalarParam::constant(0.0),
+            diffuse_transmission_color: ColorParam::constant(Vec3::ONE),
+            film: ThinFilm::NONE,
             clearcoat: ScalarParam::constant(0.0),
             clearcoat_roughness: ScalarParam::constant(0.0),
             clearcoat_normal: None,
@@ -178,6 +203,29 @@ pub struct Anisotropy {
     pub rotation: f32,
     /// Red and green: the direction in tangent space, -1..1 as 0..1, to be rotated; blue: multiplies the strength.
     pub texture: Option<TextureId>,
+}
+
+/// A film so thin that light reflected by its two borders interferes (Belcour and Barla 2017).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThinFilm {
+    /// Share of the surface it covers, in 0..1 (texture channel R).
+    pub strength: ScalarParam,
+    /// Index of refraction, at least 1.
+    pub ior: f32,
+    /// Least and greatest thickness in nanometres.
+    pub thickness: [f32; 2],
+    /// Between these: 0 for the least, 1 for the greatest (channel G).
+    pub place: ScalarParam,
+}
+
+impl ThinFilm {
+    /// No film; with the thickness and index that KHR_materials_iridescence has by default.
+    pub const NONE: Self = Self {
+        strength: ScalarParam::constant(0.0),
+        ior: 1.3,
+        thickness: [100.0, 400.0],
+        place: ScalarParam::constant(1.0),
+    };
 }
 
 /// What a conductor is made of.

@@ -42,6 +42,10 @@ impl Check<'_> {
         match &m.surface {
             Surface::Conductor { metal, .. } => self.metal(metal),
             Surface::Dielectric { ior, .. } | Surface::ThinDielectric { ior } => self.ior("ior", *ior),
+            Surface::Glass(glass) => {
+                glass.ior.to_array().into_iter().try_for_each(|ior| self.ior("ior", ior))?;
+                self.film(&glass.film)
+            }
             Surface::CoatedDiffuse { coat, .. } => self.coat(coat),
             Surface::CoatedConductor { metal, coat, .. } => self.metal(metal).and(self.coat(coat)),
             Surface::Hair(hair) => self.hair(hair),
@@ -110,9 +114,20 @@ impl Check<'_> {
         let desc::Anisotropy { strength, rotation, .. } = m.anisotropy;
         self.range("anisotropy", (0.0..=1.0).contains(&strength), "in 0..1", strength)?;
         self.range("anisotropy's rotation", rotation.is_finite(), "finite", rotation)?;
+        self.film(&m.film)?;
         // KHR_materials_ior: at least 1, or 0 for "reflects everything".
         let sound = m.ior.is_finite() && (m.ior >= 1.0 || m.ior == 0.0);
         self.range("ior", sound, "finite and at least 1, or 0", m.ior)
+    }
+
+    fn film(&self, film: &desc::ThinFilm) -> Result<(), MaterialError> {
+        let sound = film.ior.is_finite() && film.ior >= 1.0;
+        self.range("film's ior", sound, "finite and at least 1", film.ior)?;
+        for thickness in film.thickness {
+            let sound = thickness.is_finite() && thickness >= 0.0;
+            self.range("film's thickness", sound, "finite and at least 0", thickness)?;
+        }
+        Ok(())
     }
 
     fn normals(&self, field: &'static str, (map, scale): (TextureId, f32)) -> Result<(), MaterialError> {

@@ -44,6 +44,11 @@ fn surface(surface: &Surface, f: &mut impl FnMut(&'static str, Param<'_>)) {
             self::roughness("roughness", roughness, f);
             f("tint", Param::Color(tint));
         }
+        Surface::Glass(glass) => {
+            roughness("roughness", &glass.roughness, f);
+            f("tint", Param::Color(&glass.tint));
+            film(&glass.film, f);
+        }
         Surface::CoatedDiffuse { reflectance, coat } => {
             f("reflectance", Param::Color(reflectance));
             self::coat(coat, f);
@@ -103,6 +108,9 @@ fn metal_rough(m: &desc::MetalRough, f: &mut impl FnMut(&'static str, Param<'_>)
     f("roughness", Param::Scalar(&m.roughness));
     f("specular", Param::Scalar(&m.specular));
     f("transmission", Param::Scalar(&m.transmission));
+    f("diffuse transmission", Param::Scalar(&m.diffuse_transmission));
+    f("diffuse transmission color", Param::Color(&m.diffuse_transmission_color));
+    film(&m.film, f);
     f("clearcoat", Param::Scalar(&m.clearcoat));
     f("clearcoat roughness", Param::Scalar(&m.clearcoat_roughness));
     f("sheen roughness", Param::Scalar(&m.sheen_roughness));
@@ -112,4 +120,9 @@ fn metal_rough(m: &desc::MetalRough, f: &mut impl FnMut(&'static str, Param<'_>)
     if let Some(texture) = m.anisotropy.texture {
         f("anisotropy", Param::Normals((texture, 1.0)));
     }
+}
+
+fn film(film: &desc::ThinFilm, f: &mut impl FnMut(&'static str, Param<'_>)) {
+    f("film", Param::Scalar(&film.strength));
+    f("film's thickness", Param::Scalar(&film.place));
 }

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use super::{MaterialTable, SurfacePoint};
 use crate::{
     bsdf::{
-        Bsdf, CoatedDiffuse, Conductor, Dielectric, Diffuse, DiffuseTransmission, Hair, HairParams, Layered,
-        MetalRough, MetalRoughParams, ThinDielectric,
+        Bsdf, CoatedDiffuse, Conductor, Dielectric, Diffuse, DiffuseTransmission, FilmParams, Hair,
+        HairParams, Layered, MetalRough, MetalRoughParams, ThinDielectric,
         ggx::Ggx,
         hair::{absorption_of_pigments, absorption_of_reflectance},
         layered::{Base, CoatTable, LayeredParams},
@@ -59,6 +59,9 @@ impl MaterialTable {
                 specular: unit(&m.specular),
                 specular_color: color(&m.specular_color),
                 transmission: unit(&m.transmission),
+                diffuse_transmission: unit(&m.diffuse_transmission),
+                diffuse_transmission_color: unit_color(&m.diffuse_transmission_color),
+                film: self.film(&m.film, point),
                 clearcoat: unit(&m.clearcoat),
                 clearcoat_roughness: unit(&m.clearcoat_roughness),
                 clearcoat_normal: self.clearcoat_normal(self.material(id), m, point),
@@ -68,6 +71,21 @@ impl MaterialTable {
             })),
             surface => self.rare_bsdf(id, surface, point, key),
         }
+    }
+
+    /// How a surface that [disperses](Self::disperses) light scatters that of one colour channel.
+    #[inline(never)]
+    pub fn bsdf_of_channel(&self, id: MaterialId, point: &SurfacePoint, channel: usize) -> Bsdf<'_> {
+        match &self.material(id).surface {
+            Surface::Glass(glass) => self.glass(glass, point, glass.ior[channel]),
+            surface => self.rare_bsdf(id, surface, point, 0),
+        }
+    }
+
+    fn glass(&self, glass: &desc::Glass, point: &SurfacePoint, ior: f32) -> Bsdf<'_> {
+        let tint = glass.tint.at(point, &self.textures).clamp(Vec3::ZERO, Vec3::ONE);
+        let plain = Dielectric::new(ior, self.facets(&glass.roughness, point), tint);
+        Bsdf::Dielectric(plain.with_film(self.film(&glass.film, point)))
     }
 
     /// Models with a price, out of the way of the others.
@@ -97,9 +115,19 @@ impl MaterialTable {
                 let metal = Conductor::new(eta / coat.ior, k / coat.ior, self.facets(roughness, point));
                 self.layered(coat, Base::Conductor(metal), point, key)
             }
+            Surface::Glass(glass) => self.glass(glass, point, glass.ior.y),
             Surface::Hair(hair) => Bsdf::Hair(self.hair(hair, point)),
             _ => Bsdf::Black,
         }
+    }
+
+    /// A thin film at a point.
+    #[inline]
+    fn film(&self, film: &desc::ThinFilm, point: &SurfacePoint) -> FilmParams {
+        let strength = film.strength.at(point, &self.textures).clamp(0.0, 1.0);
+        let [least, most] = film.thickness;
+        let place = film.place.at(point, &self.textures).clamp(0.0, 1.0);
+        FilmParams { strength, ior: film.ior, thickness: least + (most - least) * place }
     }
 
     fn hair(&self, hair: &desc::Hair, point: &SurfacePoint) -> Hair {

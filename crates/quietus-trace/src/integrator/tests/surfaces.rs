@@ -6,6 +6,46 @@ use super::*;
 use crate::frame::Frame;
 use crate::material::SurfacePoint;
 
+fn filmed_glass(ior: Vec3, roughness: f32) -> Surface {
+    Surface::Glass(Box::new(desc::Glass {
+        ior,
+        roughness: Roughness::perceptual(ScalarParam::constant(roughness)),
+        tint: ColorParam::constant(Vec3::new(1.0, 0.8, 0.9)),
+        film: desc::ThinFilm { strength: ScalarParam::constant(0.7), ..desc::ThinFilm::NONE },
+    }))
+}
+
+/// Each channel of glass that disperses light is that channel of glass with its index: through two surfaces of a ball, from
+/// a lamp that both strategies find and from the sky.
+#[test]
+fn dispersion_draws_each_channel_by_its_own_index() {
+    let ior = Vec3::new(1.3, 1.5, 1.8);
+    let look = |ior: Vec3, roughness: f32| {
+        let mut scene = Builder::default();
+        scene.sky(0.3);
+        let lamp = scene.diffuse(0.0, 20.0);
+        scene.sphere(Vec3::new(0.3, 0.8, -3.0), 0.5, lamp);
+        let ball = scene.material(filmed_glass(ior, roughness), 0.0, Alpha::Opaque);
+        scene.sphere(Vec3::ZERO, 1.0, ball);
+        scene.look(Vec3::new(0.2, 0.1, 4.0), Vec3::new(0.3, 0.3, 0.0), 12).samples
+    };
+    let mean = |samples: &[Sample], channel: usize| {
+        let mut mean = Mean::default();
+        samples.iter().for_each(|sample| mean.push(f64::from(sample.radiance[channel])));
+        mean
+    };
+    let mut suite = Suite::new(6);
+    for roughness in [0.0, 0.5] {
+        let all = look(ior, roughness);
+        for channel in 0..3 {
+            let one = look(Vec3::splat(ior[channel]), roughness);
+            let (found, expected) = (mean(&all, channel), mean(&one, channel));
+            let what = format!("{roughness}, {channel}: {} and {}", found.mean(), expected.mean());
+            suite.judge(found.p_same(&expected), what);
+        }
+    }
+}
+
 /// A single surface under a sky of radiance 1 on both sides shows all it reflects and lets through.
 #[test]
 fn sky_furnace_shows_what_passes_a_surface() {
@@ -17,7 +57,21 @@ fn sky_furnace_shows_what_passes_a_surface() {
             ..desc::MetalRough::default()
         }))
     };
-    let surfaces = [glass(1.5, 0.2), glass(1.5, 0.6), thin_wall(0.3), thin_wall(0.8)];
+    let petal = Surface::MetalRough(Box::new(desc::MetalRough {
+        metallic: ScalarParam::constant(0.0),
+        roughness: ScalarParam::constant(0.4),
+        diffuse_transmission: ScalarParam::constant(0.6),
+        film: desc::ThinFilm { strength: ScalarParam::constant(0.8), ..desc::ThinFilm::NONE },
+        ..desc::MetalRough::default()
+    }));
+    let surfaces = [
+        glass(1.5, 0.2),
+        glass(1.5, 0.6),
+        thin_wall(0.3),
+        thin_wall(0.8),
+        petal,
+        filmed_glass(Vec3::splat(1.5), 0.4),
+    ];
     let mut suite = Suite::new(2 * surfaces.len());
     for surface in surfaces {
         let mut scene = Builder::default();

@@ -76,11 +76,10 @@ impl<'a> Materials<'a> {
                 two_sided(json!({"type": "diffuse", "reflectance": self.color(reflectance)?}))
             }
             Surface::Conductor { metal, roughness } => self.conductor(metal, roughness)?,
-            Surface::Dielectric { ior, roughness, tint } => {
-                let tint = self.color(tint)?;
-                let mut value = json!({"type": "dielectric", "int_ior": ior, "ext_ior": 1.0, "specular_transmittance": tint});
-                self.roughen(&mut value, roughness, "roughdielectric")?;
-                value
+            Surface::Dielectric { ior, roughness, tint } => self.glass(*ior, roughness, tint)?,
+            Surface::Glass(glass) => {
+                self.note("films and dispersion of glass are left out");
+                self.glass(glass.ior.y, &glass.roughness, &glass.tint)?
             }
             Surface::ThinDielectric { ior } => {
                 json!({"type": "thindielectric", "int_ior": ior, "ext_ior": 1.0})
@@ -105,6 +104,14 @@ impl<'a> Materials<'a> {
             }
             Surface::MetalRough(m) => self.principled(m)?,
         })
+    }
+
+    fn glass(&mut self, ior: f32, roughness: &Roughness, tint: &ColorParam) -> Result<Value> {
+        let tint = self.color(tint)?;
+        let mut value =
+            json!({"type": "dielectric", "int_ior": ior, "ext_ior": 1.0, "specular_transmittance": tint});
+        self.roughen(&mut value, roughness, "roughdielectric")?;
+        Ok(value)
     }
 
     fn conductor(&mut self, metal: &Metal, roughness: &Roughness) -> Result<Value> {

@@ -138,6 +138,10 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
 
+    /// Draw the file's variant of this name (KHR_materials_variants); `quietus info` lists them.
+    #[arg(long, value_name = "NAME")]
+    pub variant: Option<String>,
+
     /// Light the scene with this lat-long map (.hdr, .exr) instead of its own surroundings.
     #[arg(long, value_name = "FILE")]
     pub env: Option<PathBuf>,

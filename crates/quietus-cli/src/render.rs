@@ -335,6 +335,9 @@ fn fault_message(
     if let Some(camera) = &args.camera {
         flag("--camera ", camera.clone());
     }
+    if let Some(variant) = &args.variant {
+        flag("--variant ", variant.clone());
+    }
     if let Some(env) = &args.env {
         flag("--env ", env.display().to_string());
     }

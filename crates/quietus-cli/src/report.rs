@@ -22,6 +22,7 @@ use crate::wishes::{filter_name, filter_parameters};
 #[derive(Serialize, Clone, Debug)]
 pub(crate) struct Settings {
     scene: String,
+    variant: Option<String>,
     camera: String,
     camera_to_world: Option<[f32; 12]>,
     environment: Option<String>,
@@ -66,6 +67,7 @@ impl Settings {
         let path = |path: &Path| path.display().to_string();
         Self {
             scene: args.scene.as_deref().map_or_else(|| "built-in".to_owned(), path),
+            variant: args.variant.clone(),
             camera: camera.to_owned(),
             camera_to_world: None,
             environment: args.env.as_deref().map(path),

@@ -29,7 +29,11 @@ impl Source {
     /// # Errors
     /// When a file cannot be read, or lacks the animation that is asked for.
     pub(crate) fn open(args: &RenderArgs, timeline: Option<&Timeline>) -> Result<Self, Failure> {
-        let mut file = args.scene.as_deref().map(SceneFile::open).transpose()?;
+        let mut file = match (args.scene.as_deref(), args.variant.as_deref()) {
+            (None, Some(_)) => return Err(Failure::usage("the built-in scene has no variants")),
+            (Some(path), Some(variant)) => Some(SceneFile::open_variant(path, variant)?),
+            (path, None) => path.map(SceneFile::open).transpose()?,
+        };
         if let (Some(file), Some([width, height])) = (&mut file, args.size)
             && width.min(height) > 0
         {

@@ -74,7 +74,7 @@ pub fn load_bytes(path: &Path, bytes: &[u8]) -> Result<Loaded, SceneError> {
     SceneFile::open_bytes(path, bytes)?.still()
 }
 
-/// Decodes a picture of any format that scenes may use (PNG, JPEG, TGA, BMP, WebP, QOI, Radiance HDR, OpenEXR or PFM)
+/// Decodes a picture of any format that scenes may use (PNG, JPEG, TGA, BMP, WebP, QOI, Radiance HDR, OpenEXR, PFM or KTX2)
 /// as colours with the sRGB curve, where it does not hold floats; `path` is for messages, and its extension tells TGA,
 /// which has no mark of its own.
 ///

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use quietus_trace::desc::Camera;
 
 use crate::Loaded;
-use crate::error::{SceneError, Warning};
+use crate::error::{ErrorKind, SceneError, Warning};
 use crate::gltf::{self, Moment, Stage};
 use crate::pbrt;
 
@@ -48,8 +48,20 @@ impl SceneFile {
     pub fn open(path: &Path) -> Result<Self, SceneError> {
         Ok(Self(match pbrt::is_named_like(path) {
             true => Content::Pbrt(Box::new(pbrt::load(path)?)),
-            false => Content::Gltf(Box::new(GltfFile::new(gltf::open(path)?))),
+            false => Content::Gltf(Box::new(GltfFile::new(gltf::open(path, None)?))),
         }))
+    }
+
+    /// As [`Self::open`], with meshes made of what they are made of in the variant `name`, see [`Self::variants`].
+    ///
+    /// # Errors
+    /// As [`crate::load`]; where the file has no such variant.
+    pub fn open_variant(path: &Path, name: &str) -> Result<Self, SceneError> {
+        if pbrt::is_named_like(path) {
+            let message = format!("there is no variant \"{name}\": only glTF has variants of materials");
+            return Err(SceneError::new(ErrorKind::Unsupported, path, "", message));
+        }
+        Ok(Self(Content::Gltf(Box::new(GltfFile::new(gltf::open(path, Some(name))?)))))
     }
 
     /// As [`Self::open`], with the file's content already in memory, see [`crate::load_bytes`].
@@ -80,6 +92,14 @@ impl SceneFile {
     pub fn animations(&self) -> &[Animation] {
         match &self.0 {
             Content::Gltf(file) => &file.animations,
+            Content::Pbrt(_) => &[],
+        }
+    }
+
+    /// The names of the variants of materials (KHR_materials_variants), in the order of the file.
+    pub fn variants(&self) -> &[String] {
+        match &self.0 {
+            Content::Gltf(file) => file.stage.variants(),
             Content::Pbrt(_) => &[],
         }
     }

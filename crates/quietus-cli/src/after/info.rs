@@ -25,6 +25,9 @@ pub(crate) fn describe(file: &Path) -> Result<String, Failure> {
     for (index, Animation { name, seconds }) in file.animations().iter().enumerate() {
         text.push_str(&format!("\nanimation {index}  {name}, {seconds:.3} s"));
     }
+    for name in file.variants() {
+        text.push_str(&format!("\nvariant      {name}"));
+    }
     for wish in wishes(&loaded.scene.picture) {
         text.push_str(&format!("\nasks for     {}", wish.text));
     }

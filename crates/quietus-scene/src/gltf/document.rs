@@ -12,6 +12,7 @@ use super::container;
 use super::glossiness;
 use super::meshopt::{self, Filter, Mode};
 use super::schema::{BufferView, Meshopt, Root};
+use super::variants;
 use crate::error::{ErrorKind, SceneError, Warnings};
 use crate::file;
 use crate::limit;
@@ -35,11 +36,15 @@ pub(super) struct Document<'a> {
 }
 
 impl<'a> Document<'a> {
-    /// Takes apart the glTF file `bytes`, read from `file`, and fetches its buffers.
-    pub(super) fn open(file: &'a Path, bytes: &'a [u8]) -> Result<Self, SceneError> {
+    /// Takes apart the glTF file `bytes`, read from `file`, and fetches its buffers; meshes get their materials in
+    /// `variant`, if one is asked for.
+    pub(super) fn open(file: &'a Path, bytes: &'a [u8], variant: Option<&str>) -> Result<Self, SceneError> {
         let parts = container::split(file, bytes)?;
         let mut root = container::parse(file, parts.json)?;
         root.materials.iter_mut().for_each(glossiness::rewrite);
+        if let Some(name) = variant {
+            variants::choose(&mut root, name, file)?;
+        }
         let mut document = Self {
             file,
             root,
@@ -51,6 +56,7 @@ impl<'a> Document<'a> {
         document.decompressed.resize_with(document.root.buffer_views.len(), OnceCell::new);
         document.check_version()?;
         document.check_extensions()?;
+        document.tell_variants(variant);
         let mut total = 0;
         for index in 0..document.root.buffers.len() {
             let data = document.buffer(index, parts.bin)?;
@@ -265,6 +271,16 @@ impl<'a> Document<'a> {
         }
     }
 
+    /// Says which variants there are, where none was asked for.
+    fn tell_variants(&self, asked: Option<&str>) {
+        let names = variants::names(&self.root);
+        if asked.is_none() && !names.is_empty() {
+            let listed = variants::listed(&names);
+            let message = format!("the file has the variants {listed}: it is drawn as it is without any");
+            self.warn("extensions.KHR_materials_variants", message);
+        }
+    }
+
     fn check_extensions(&self) -> Result<(), SceneError> {
         let foreign = |name: &&String| !SUPPORTED_EXTENSIONS.contains(&name.as_str());
         let required: Vec<_> =
@@ -277,12 +293,6 @@ impl<'a> Document<'a> {
             );
             return Err(self.error(ErrorKind::Unsupported, "extensionsRequired", message));
         }
-        if self.root.extensions_used.iter().any(|name| name == "KHR_materials_variants") {
-            self.warn(
-                "extensionsUsed",
-                "of KHR_materials_variants the materials that count without one are drawn",
-            );
-        }
         for name in self.root.extensions_used.iter().filter(foreign) {
             self.warn("extensionsUsed", format!("{name} is not supported; the file is drawn without it"));
         }
@@ -291,7 +301,7 @@ impl<'a> Document<'a> {
 }
 
 /// What a file may require.
-const SUPPORTED_EXTENSIONS: [&str; 21] = [
+const SUPPORTED_EXTENSIONS: [&str; 22] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
@@ -312,5 +322,6 @@ const SUPPORTED_EXTENSIONS: [&str; 21] = [
     "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
 ];

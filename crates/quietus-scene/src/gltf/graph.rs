@@ -13,6 +13,7 @@ use super::mesh::{self, Figure};
 use super::schema::{self, Node};
 use super::skin::Skin;
 use super::stage::{Model, Stage};
+use super::variants;
 use crate::error::SceneError;
 
 /// Reads everything that the scene to be shown refers to.
@@ -38,6 +39,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
     reader.materials.load_pictures()?;
     let Reader { materials, figures, skins, models, cameras, lights, .. } = reader;
     let Materials { materials, textures, media, .. } = materials;
+    let variants = variants::names(&document.root);
     let geometry_bytes = document.geometry_bytes();
     let file = document.file().to_path_buf();
     let warnings = document.into_warnings();
@@ -45,6 +47,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
         file,
         hierarchy,
         clips,
+        variants,
         figures,
         skins,
         models,

@@ -1,4 +1,4 @@
-//! Pictures: PNG, JPEG and WebP, from files, data URIs and buffer views.
+//! Pictures: PNG, JPEG, WebP and KTX2, from files, data URIs and buffer views.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -118,10 +118,13 @@ fn job<'d>(
         _ => return Err(document.invalid(&own, "expected either a uri or a bufferView, and not both")),
     };
     let format = Format::of(&file, &bytes);
-    let Some(format @ Format::Known(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) = format
-    else {
+    let read = |format: &Format| {
+        use ImageFormat::{Jpeg, Png, WebP};
+        matches!(format, Format::Ktx2 | Format::Known(Png | Jpeg | WebP))
+    };
+    let Some(format) = format.filter(read) else {
         let found = format.map_or("of an unknown kind".to_owned(), Format::name);
-        let message = format!("the picture is {found}, expected PNG, JPEG or WebP");
+        let message = format!("the picture is {found}, expected PNG, JPEG, WebP or KTX2");
         return Err(SceneError::new(ErrorKind::Unsupported, &file, at, message));
     };
     let name = if source.name.is_empty() { own } else { source.name.clone() };

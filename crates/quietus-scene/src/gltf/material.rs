@@ -13,7 +13,7 @@ use quietus_trace::desc::{
 use super::document::Document;
 use super::image::{Encoding, Pictures};
 use super::schema::{self, TextureInfo};
-use crate::error::{ErrorKind, SceneError};
+use crate::error::SceneError;
 
 /// Texture, encoding, set of coordinates, and the transform's bits.
 type TextureKey = (usize, Encoding, u8, [u32; 6]);
@@ -27,6 +27,10 @@ pub(super) struct Materials<'d, 'f> {
     /// What is inside of things of a material.
     interiors: HashMap<MaterialId, MediumId>,
     ids: HashMap<Option<usize>, MaterialId>,
+    /// Which sets of texture coordinates of a mesh a material looks at, where they are not the first two.
+    uv_sets: HashMap<MaterialId, [usize; 2]>,
+    /// Those of the material at work, as far as it was read.
+    slots: [Option<usize>; 2],
     texture_ids: HashMap<TextureKey, TextureId>,
     pictures: Pictures<'d>,
     /// Stands in textures whose picture is still to come.
@@ -42,6 +46,8 @@ impl<'d, 'f> Materials<'d, 'f> {
             media: Vec::new(),
             interiors: HashMap::new(),
             ids: HashMap::new(),
+            uv_sets: HashMap::new(),
+            slots: [None; 2],
             texture_ids: HashMap::new(),
             pictures: Pictures::new(),
             to_come: Arc::new(Image {
@@ -58,6 +64,7 @@ impl<'d, 'f> Materials<'d, 'f> {
         if let Some(&id) = self.ids.get(&index) {
             return Ok(id);
         }
+        self.slots = [None; 2];
         let id = match index {
             Some(index) => {
                 let source = self.document.get(&self.document.root.materials, index, "materials", place)?;
@@ -66,7 +73,23 @@ impl<'d, 'f> Materials<'d, 'f> {
             None => self.push(default_material()),
         };
         self.ids.insert(index, id);
+        self.uv_sets.insert(id, [0, 1].map(|slot| self.slots[slot].unwrap_or(slot)));
         Ok(id)
+    }
+
+    /// The two sets of texture coordinates that the material `id` looks at.
+    pub(super) fn uv_sets(&self, id: MaterialId) -> [usize; 2] {
+        self.uv_sets.get(&id).copied().unwrap_or([0, 1])
+    }
+
+    /// Where the material at work looks for the set `set` of texture coordinates: at the first or the second of those
+    /// that meshes keep for it. `None` where both are taken.
+    fn slot(&mut self, set: usize) -> Option<u8> {
+        let order = if set == 0 { [0, 1] } else { [1, 0] };
+        let taken = order.into_iter().find(|&slot| self.slots[slot] == Some(set));
+        let slot = taken.or_else(|| order.into_iter().find(|&slot| self.slots[slot].is_none()))?;
+        self.slots[slot] = Some(set);
+        Some(slot as u8)
     }
 
     /// The media on the sides of things of the material `id`.
@@ -451,34 +474,30 @@ impl<'d, 'f> Materials<'d, 'f> {
         let source =
             document.get(&document.root.textures, info.index, "textures", &format!("{place}.index"))?;
         let own = format!("textures[{}]", info.index);
-        let image = source.extensions.webp.as_ref().map(|webp| webp.source).or(source.source);
+        let schema::TextureExtensions { basisu, webp } = &source.extensions;
+        let image = webp.as_ref().or(basisu.as_ref()).map(|other| other.source).or(source.source);
         let Some(image) = image else {
-            if source.extensions.basisu.is_some() {
-                let message =
-                    "has nothing but a Basis Universal picture (KHR_texture_basisu), which is not read";
-                return Err(document.error(ErrorKind::Unsupported, &own, message));
-            }
-            document.warn(&own, "has no PNG, JPEG or WebP source: materials are drawn without it");
+            document.warn(&own, "has no PNG, JPEG, WebP or KTX2 source: materials are drawn without it");
             return Ok(None);
         };
         let transform = info.extensions.transform.as_ref();
         let uv_set = transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord);
-        if uv_set > 1 {
-            let message = format!("uses TEXCOORD_{uv_set}, but only 0 and 1 are supported: it is left out");
+        let Some(uv_set) = self.slot(uv_set) else {
+            let message = format!("uses TEXCOORD_{uv_set}, the third set of its material: it is left out");
             document.warn(place, message);
             return Ok(None);
-        }
+        };
         let matrix = transform.map_or(Affine2::IDENTITY, affine);
         if !matrix.is_finite() {
             let place = format!("{place}.extensions.KHR_texture_transform");
             return Err(document.invalid(&place, "expected finite numbers"));
         }
-        let key = (info.index, encoding, uv_set as u8, matrix.to_cols_array().map(f32::to_bits));
+        let key = (info.index, encoding, uv_set, matrix.to_cols_array().map(f32::to_bits));
         if let Some(&id) = self.texture_ids.get(&key) {
             return Ok(Some(id));
         }
         let (wrap, filter) = sampler(document, source.sampler, &own)?;
-        let mapping = Mapping::Uv { set: uv_set as u8, transform: matrix };
+        let mapping = Mapping::Uv { set: uv_set, transform: matrix };
         let to_come = Arc::clone(&self.to_come);
         let texture = ImageTexture { image: to_come, wrap, filter, mapping, invert: false };
         let id = self.push_texture(Texture::Image(texture));

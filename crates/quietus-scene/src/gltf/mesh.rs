@@ -56,11 +56,12 @@ pub(super) fn figure(
             let message = format!("has {found} morph targets, expected {expected} as in the first primitive");
             return Err(document.invalid(&place, message));
         }
-        let Some((mesh, influences)) = read_primitive(document, primitive, skinned, &place)? else {
+        let Some((mesh, influences, material)) =
+            read_primitive(document, materials, primitive, skinned, &place)?
+        else {
             continue;
         };
         let targets = targets(document, primitive, &mesh, &place)?;
-        let material = materials.get(primitive.material, &format!("{place}.material"))?;
         let media = materials.media_of(material);
         parts.push(Part { mesh: Arc::new(mesh), material, media, targets, influences });
     }
@@ -161,10 +162,11 @@ fn influences(read: &Attributes<'_, '_>) -> Result<Influences, SceneError> {
 /// triangles.
 fn read_primitive(
     document: &Document<'_>,
+    materials: &mut Materials<'_, '_>,
     primitive: &Primitive,
     skinned: bool,
     place: &str,
-) -> Result<Option<(Mesh, Influences)>, SceneError> {
+) -> Result<Option<(Mesh, Influences, MaterialId)>, SceneError> {
     let topology = match primitive.mode {
         4 => Topology::Triangles,
         5 => Topology::Strip,
@@ -189,6 +191,8 @@ fn read_primitive(
     };
     let read = Attributes { document, attributes, place: &own, count, compressed: compressed.as_ref() };
     let mut mesh = read.rest_shape()?;
+    let material = materials.get(primitive.material, &format!("{place}.material"))?;
+    mesh.uvs = read.uvs(materials.uv_sets(material))?;
     let (corners, topology) = match &compressed {
         Some(compressed) => (Some(compressed.corners()), Topology::Triangles),
         None => (None, topology),
@@ -196,7 +200,7 @@ fn read_primitive(
     mesh.triangles = triangles(document, primitive, corners, topology, count, place)?;
     read.add_directions(&mut mesh)?;
     let influences = if skinned { influences(&read)? } else { Influences::default() };
-    Ok((!mesh.triangles.is_empty()).then_some((mesh, influences)))
+    Ok((!mesh.triangles.is_empty()).then_some((mesh, influences, material)))
 }
 
 /// Reads attributes of one primitive, or of one of its morph targets.
@@ -215,15 +219,18 @@ impl Attributes<'_, '_> {
     fn rest_shape(&self) -> Result<Mesh, SceneError> {
         Ok(Mesh {
             positions: self.vectors("POSITION", &["VEC3"], [0.0; 3], Vec3::from_array)?,
-            uvs: [
-                self.vectors("TEXCOORD_0", &["VEC2"], [0.0; 2], Vec2::from_array)?,
-                self.vectors("TEXCOORD_1", &["VEC2"], [0.0; 2], Vec2::from_array)?,
-            ],
             colors: self.vectors("COLOR_0", &["VEC3", "VEC4"], [1.0; 4], |color| {
                 Vec4::from_array(color).clamp(Vec4::ZERO, Vec4::ONE)
             })?,
             ..Mesh::default()
         })
+    }
+
+    /// Two sets of texture coordinates.
+    fn uvs(&self, [first, second]: [usize; 2]) -> Result<[Vec<Vec2>; 2], SceneError> {
+        let set =
+            |set: usize| self.vectors(&format!("TEXCOORD_{set}"), &["VEC2"], [0.0; 2], Vec2::from_array);
+        Ok([set(first)?, set(second)?])
     }
 
     /// Adds normals and tangents to `mesh`, which has its triangles. Flat normals are what the tracer takes where there

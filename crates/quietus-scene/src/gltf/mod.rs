@@ -26,6 +26,7 @@ mod meshopt;
 mod schema;
 mod skin;
 mod stage;
+mod variants;
 
 use std::path::Path;
 
@@ -50,14 +51,14 @@ pub(crate) const PLAIN_SKY: &str =
 /// seconds, and between two of a fast one little can happen that the margin does not cover.
 const FRAMED_MOMENTS: u16 = 32;
 
-/// Reads the glTF file at `path`.
-pub(crate) fn open(path: &Path) -> Result<Stage, SceneError> {
-    open_bytes(path, &file::read(path)?)
+/// Reads the glTF file at `path`, with the materials of `variant` if one is asked for.
+pub(crate) fn open(path: &Path, variant: Option<&str>) -> Result<Stage, SceneError> {
+    graph::read(Document::open(path, &file::read(path)?, variant)?)
 }
 
 /// Reads a glTF file whose content is `bytes`; `path` is for messages and to find the files beside it.
 pub(crate) fn open_bytes(path: &Path, bytes: &[u8]) -> Result<Stage, SceneError> {
-    graph::read(Document::open(path, bytes)?)
+    graph::read(Document::open(path, bytes, None)?)
 }
 
 /// The scene at `moment`, with what the file lacks: light, and the camera that `frame` makes.

@@ -47,6 +47,20 @@ pub(super) struct Asset {
 pub(super) struct RootExtensions {
     #[serde(rename = "KHR_lights_punctual")]
     pub lights: Option<Lights>,
+    #[serde(rename = "KHR_materials_variants")]
+    pub variants: Variants,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Variants {
+    pub variants: Vec<Variant>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Variant {
+    pub name: String,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -146,6 +160,21 @@ pub(super) struct Primitive {
 pub(super) struct PrimitiveExtensions {
     #[serde(rename = "KHR_draco_mesh_compression")]
     pub draco: Option<Draco>,
+    #[serde(rename = "KHR_materials_variants")]
+    pub variants: Mappings,
+}
+
+/// The materials of a primitive in variants of the file.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Mappings {
+    pub mappings: Vec<Mapping>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Mapping {
+    pub material: usize,
+    pub variants: Vec<usize>,
 }
 
 #[derive(Debug, Deserialize)]

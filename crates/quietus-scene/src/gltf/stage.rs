@@ -27,6 +27,8 @@ pub(crate) struct Stage {
     pub(super) file: PathBuf,
     pub(super) hierarchy: Hierarchy,
     pub(super) clips: Vec<Clip>,
+    /// Names of the file's variants of materials.
+    pub(super) variants: Vec<String>,
     pub(super) figures: HashMap<usize, Figure>,
     pub(super) skins: HashMap<usize, Skin>,
     pub(super) models: Vec<Model>,
@@ -71,6 +73,11 @@ impl Stage {
     /// Names and lengths of the animations.
     pub(crate) fn clips(&self) -> impl ExactSizeIterator<Item = (&str, f32)> {
         self.clips.iter().map(|clip| (clip.name.as_str(), clip.seconds))
+    }
+
+    /// Names of the file's variants of materials.
+    pub(crate) fn variants(&self) -> &[String] {
+        &self.variants
     }
 
     /// The scene at `moment`, without anything that the file lacks, and what is to be said of it.

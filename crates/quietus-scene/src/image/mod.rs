@@ -1,11 +1,12 @@
-//! Pictures for textures and environments: PNG, JPEG, TGA, BMP, WebP, QOI, Radiance HDR, OpenEXR and PFM, told apart
-//! by content.
+//! Pictures for textures and environments: PNG, JPEG, TGA, BMP, WebP, QOI, Radiance HDR, OpenEXR, PFM and KTX2, told
+//! apart by content.
 //!
 //! A hostile file may not take more memory than is stated here: [`MAX_TEXELS`], [`MAX_DECODER_BYTES`] and, for all
 //! pictures of a scene, [`MAX_SCENE_BYTES`].
 
 mod batch;
 mod exr_file;
+mod ktx2;
 mod pfm;
 
 use std::io::Cursor;
@@ -68,6 +69,8 @@ pub(crate) enum Format {
     OpenExr,
     /// Portable float map.
     Pfm,
+    /// KTX 2.0, of Basis Universal or plain.
+    Ktx2,
 }
 
 impl Format {
@@ -78,6 +81,9 @@ impl Format {
         }
         if bytes.starts_with(b"PF\n") || bytes.starts_with(b"Pf\n") {
             return Some(Self::Pfm);
+        }
+        if bytes.starts_with(&ktx2::MAGIC) {
+            return Some(Self::Ktx2);
         }
         if bytes.starts_with(b"#?") {
             return Some(Self::Known(ImageFormat::Hdr));
@@ -95,12 +101,13 @@ impl Format {
             Self::Known(format) => format!("{format:?}"),
             Self::OpenExr => "OpenEXR".to_owned(),
             Self::Pfm => "PFM".to_owned(),
+            Self::Ktx2 => "KTX2".to_owned(),
         }
     }
 }
 
 /// What is read, for messages.
-const FORMATS: &str = "PNG, JPEG, TGA, BMP, WebP, QOI, Radiance HDR, OpenEXR or PFM";
+const FORMATS: &str = "PNG, JPEG, TGA, BMP, WebP, QOI, Radiance HDR, OpenEXR, PFM or KTX2";
 
 /// Reads the picture in the file at `path`.
 ///
@@ -141,6 +148,11 @@ pub(crate) fn decode(
             let (size, texels) =
                 pfm::decode(&bytes).map_err(|(kind, message)| SceneError::new(kind, file, place, message))?;
             (size, Texels::Float(checked(file, place, size[0], texels)?))
+        }
+        Format::Ktx2 => {
+            let fault = |(kind, message)| SceneError::new(kind, file, place, message);
+            let picture = ktx2::decode(&bytes).map_err(fault)?;
+            ([picture.width(), picture.height()], known_texels(file, place, picture, encoding)?)
         }
         Format::Known(format) => {
             let picture = decode_known(file, place, &bytes, format)?;

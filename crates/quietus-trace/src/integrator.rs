@@ -256,14 +256,12 @@ impl<I: Isa> Path<'_, I> {
     #[inline(always)]
     fn escape(&mut self, depth: u32) {
         let Some(environment) = self.scene.environment() else { return };
-        let radiance = environment.radiance(self.direction);
-        let weight = if self.pdf == f32::INFINITY {
-            1.0
+        let (radiance, weight) = if self.pdf == f32::INFINITY {
+            (environment.radiance(self.direction), 1.0)
         } else {
-            power_heuristic(
-                self.pdf,
-                self.scene.lights.pdf_of_environment(self.isa, &self.receiver, self.direction),
-            )
+            let (radiance, pdf) = environment.radiance_pdf(self.direction);
+            let chosen = self.scene.lights.probability_of_environment(self.isa, &self.receiver);
+            (radiance, power_heuristic(self.pdf, chosen * pdf))
         };
         self.add(self.throughput * radiance * weight, depth - 1);
         if !self.guided {

@@ -360,10 +360,10 @@ impl crate::isa::Job for OnePoint<'_> {
         // What is seen along w, and the density with which light sampling would have chosen it.
         let receiver = crate::light::Receiver::surface(Vec3::ZERO, 0.0, Vec3::Y, false);
         let arrives = |w: Vec3| match cast(w) {
-            None => (
-                f64::from(scene.environment().map_or(0.0, |e| e.radiance(w).y)),
-                scene.lights.pdf_of_environment(isa, &receiver, w),
-            ),
+            None => {
+                let (radiance, pdf) = scene.environment().map_or((Vec3::ZERO, 0.0), |e| e.radiance_pdf(w));
+                (f64::from(radiance.y), pdf * scene.lights.probability_of_environment(isa, &receiver))
+            }
             Some(hit) => {
                 let surface = scene.interaction(&hit, &crate::bvh::Ray::new(Vec3::Y * 1e-4, w, 0.0));
                 (5.0, scene.light_pdf(isa, &hit, &surface, &receiver, w))

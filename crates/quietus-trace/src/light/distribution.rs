@@ -67,11 +67,10 @@ impl AliasTable {
     }
 }
 
-/// A piecewise constant density over the unit square, by rows: first the row, then the column in it.
+/// A grid of cells to draw from, by rows: first the row, then the column in it.
 #[derive(Clone, Debug)]
-pub(crate) struct PiecewiseConstant2d {
+pub(crate) struct Cells {
     width: usize,
-    height: usize,
     /// `height + 1` values, 0 to 1.
     rows: Vec<f32>,
     row_guide: Vec<u32>,
@@ -81,8 +80,8 @@ pub(crate) struct PiecewiseConstant2d {
     column_guides: Vec<u32>,
 }
 
-impl PiecewiseConstant2d {
-    /// The density in proportion to `weights`, `width` per row, each finite and at least 0; none where all are 0.
+impl Cells {
+    /// Cells of these `weights`, `width` per row, each finite and at least 0; none where all are 0.
     pub(crate) fn new(width: usize, weights: &[f32]) -> Option<Self> {
         let height = weights.len() / width;
         let mut columns = Vec::with_capacity((width + 1) * height);
@@ -96,32 +95,18 @@ impl PiecewiseConstant2d {
         let (mut row_guide, mut column_guides) = (Vec::new(), Vec::new());
         push_guide(&mut row_guide, &rows);
         columns.chunks_exact(width + 1).for_each(|row| push_guide(&mut column_guides, row));
-        let whole = Self { width, height, rows, row_guide, columns, column_guides };
+        let whole = Self { width, rows, row_guide, columns, column_guides };
         (row_sums.iter().sum::<f64>() > 0.0).then_some(whole)
     }
 
-    /// A point of the unit square (x along the row) and its density.
+    /// Column and row of a cell, in proportion to its weight, and what is left of the random numbers: as good as new.
     #[inline]
-    pub(crate) fn sample(&self, u: Vec2) -> (Vec2, f32) {
-        let (row, y, row_mass) = invert(&self.rows, &self.row_guide, u.y);
+    pub(crate) fn sample(&self, u: Vec2) -> ([usize; 2], Vec2) {
+        let (row, y) = invert(&self.rows, &self.row_guide, u.y);
         let guide = parts(self.width) + 1;
         let guide = &self.column_guides[row * guide..][..guide];
-        let (column, x, column_mass) = invert(self.row(row), guide, u.x);
-        let point = Vec2::new((column as f32 + x) / self.width as f32, (row as f32 + y) / self.height as f32);
-        (point, row_mass * column_mass * (self.width * self.height) as f32)
-    }
-
-    /// The density at a point of the unit square.
-    ///
-    /// Computed from the rounded distribution functions that [`Self::sample`] inverts, so that the two agree even
-    /// in cells whose share is lost in rounding.
-    #[inline]
-    pub(crate) fn density(&self, point: Vec2) -> f32 {
-        let column = ((point.x * self.width as f32) as usize).min(self.width - 1);
-        let row = ((point.y * self.height as f32) as usize).min(self.height - 1);
-        let columns = self.row(row);
-        let mass = (self.rows[row + 1] - self.rows[row]) * (columns[column + 1] - columns[column]);
-        mass * (self.width * self.height) as f32
+        let (column, x) = invert(self.row(row), guide, u.x);
+        ([column, row], Vec2::new(x, y))
     }
 
     #[inline]
@@ -169,9 +154,9 @@ fn push_guide(guide: &mut Vec<u32>, cdf: &[f32]) {
     }));
 }
 
-/// The cell of `cdf` that holds `u`, the place in it (0..1), and the cell's mass (above 0).
+/// The cell of `cdf` that holds `u`, and the place in it (0..1).
 #[inline]
-fn invert(cdf: &[f32], guide: &[u32], u: f32) -> (usize, f32, f32) {
+fn invert(cdf: &[f32], guide: &[u32], u: f32) -> (usize, f32) {
     let parts = guide.len() - 1;
     let part = ((u * parts as f32) as usize).min(parts - 1);
     let (first, last) = (guide[part] as usize, guide[part + 1] as usize);
@@ -179,7 +164,7 @@ fn invert(cdf: &[f32], guide: &[u32], u: f32) -> (usize, f32, f32) {
     let cell = below.saturating_sub(1).min(cdf.len() - 2);
     let mass = cdf[cell + 1] - cdf[cell];
     let place = if mass > 0.0 { ((u - cdf[cell]) / mass).clamp(0.0, ONE_BELOW) } else { 0.5 };
-    (cell, place, mass)
+    (cell, place)
 }
 
 /// The largest number below 1.

@@ -9,9 +9,12 @@ mod bounds;
 mod build;
 mod distribution;
 mod environment;
+mod layout;
+mod map;
 mod picture;
 mod punctual;
 mod select;
+mod shared_exponent;
 mod sphere;
 mod surface;
 #[cfg(test)]
@@ -32,10 +35,13 @@ pub(crate) use sphere::SphereLight;
 pub(crate) use surface::{PatchLight, QuadricLight, SurfaceLight};
 pub(crate) use triangle::TriangleLight;
 
+/// Of linear Rec.709.
+const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
+
 /// Luminance of linear Rec.709.
 #[inline]
 pub(crate) fn luminance(color: Vec3) -> f32 {
-    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+    color.dot(LUMINANCE)
 }
 
 /// A place a shadow ray runs to.
@@ -311,13 +317,12 @@ impl Lights {
         self.selector.probability(isa, receiver, light as u32)
     }
 
-    /// Density with which [`Self::sample`] chooses the environment in `direction`.
+    /// The probability with which [`Self::sample`] chooses the environment, if there is one.
     #[inline(always)]
-    pub(crate) fn pdf_of_environment<I: Isa>(&self, isa: I, receiver: &Receiver, direction: Vec3) -> f32 {
-        let Some(environment) = &self.environment else { return 0.0 };
+    pub(crate) fn probability_of_environment<I: Isa>(&self, isa: I, receiver: &Receiver) -> f32 {
         let surfaces = self.triangles.len() + self.spheres.len() + self.surfaces.len() + self.moving.len();
         let light = surfaces + self.punctual.len();
-        self.selector.probability(isa, receiver, light as u32) * environment.pdf(direction)
+        self.selector.probability(isa, receiver, light as u32)
     }
 }
 

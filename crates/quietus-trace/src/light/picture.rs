@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{Mat3, Vec2, Vec3};
 
 use super::bounds::LightBounds;
-use super::environment::equal_area_place;
+use super::layout::equal_area_place;
 use super::luminance;
 use crate::bvh::Bounds;
 use crate::desc::{Image, PictureSpread, Texels};

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Quat, Vec2, Vec3};
 
-use super::distribution::{AliasTable, PiecewiseConstant2d};
+use super::distribution::{AliasTable, Cells};
 use super::{Environment, PunctualLight, SphereLight, TriangleLight};
 use crate::desc::{self, EnvironmentLayout, Image, SpotFalloff, Texels};
 use crate::geometry::{sphere, triangle};
@@ -176,7 +176,7 @@ fn environments_are_sampled_with_their_density() {
             11,
             SAMPLES,
             |rng| environment.sample(rng.next_2d()).map(|sample| sample.direction),
-            |w| environment.pdf(w),
+            |w| environment.radiance_pdf(w).1,
         );
         suite.judge(p, name);
     }
@@ -190,7 +190,8 @@ fn environment_density_covers_its_light() {
         let mut rng = Rng::new(5);
         for _ in 0..20_000 {
             let w = rng.next_direction();
-            assert!(environment.pdf(w) > 0.0 || environment.radiance(w) == Vec3::ZERO, "{w}");
+            let (radiance, pdf) = environment.radiance_pdf(w);
+            assert!(pdf > 0.0 || radiance == Vec3::ZERO, "{w}");
             let Some(sample) = environment.sample(rng.next_2d()) else { continue };
             let radiance = environment.radiance(sample.direction);
             // The direction went through a rotation and back: interpolation between a dark texel and the sun.
@@ -280,16 +281,15 @@ fn tables_draw_in_proportion_to_their_weights() {
 
     let weights: Vec<f32> = (0..35).map(|i| if i % 4 == 1 { 0.0 } else { (i % 7) as f32 }).collect();
     let total: f64 = weights.iter().map(|&w| f64::from(w)).sum();
-    let density = PiecewiseConstant2d::new(7, &weights).expect("not black");
+    let cells = Cells::new(7, &weights).expect("not black");
     let mut observed = [0u64; 35];
     for _ in 0..SAMPLES {
-        let (point, pdf) = density.sample(rng.next_2d());
-        observed[(point.y * 5.0) as usize * 7 + (point.x * 7.0) as usize] += 1;
-        assert_eq!(pdf, density.density(point), "at {point}");
+        let ([column, row], _) = cells.sample(rng.next_2d());
+        observed[row * 7 + column] += 1;
     }
     let expected: Vec<f64> = weights.iter().map(|&w| f64::from(w) / total * SAMPLES as f64).collect();
-    suite.judge(chi_square(&observed, &expected), "piecewise constant density");
-    assert!(PiecewiseConstant2d::new(2, &[0.0; 4]).is_none());
+    suite.judge(chi_square(&observed, &expected), "cells");
+    assert!(Cells::new(2, &[0.0; 4]).is_none());
 }
 
 /// The fade of pbrt-v4 is half done half-way, and the power that goes with it is right.

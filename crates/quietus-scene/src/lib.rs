@@ -12,6 +12,7 @@ mod fingerprint;
 mod framing;
 mod gltf;
 mod image;
+mod nanovdb;
 mod pbrt;
 mod ply;
 mod scene_file;
@@ -25,6 +26,7 @@ pub use embedded::embedded;
 pub use environment::{load_environment, load_environment_bytes};
 pub use error::{ErrorKind, SceneError, Warning};
 pub use fingerprint::{Fingerprint, files_read};
+pub use nanovdb::NanoGrid;
 pub use scene_file::{Animation, SceneFile};
 pub use summary::{Summary, summary};
 
@@ -101,6 +103,14 @@ pub fn read_map(path: &Path) -> Result<([u32; 2], Vec<f32>), SceneError> {
         Texels::Float(texels) => texels.iter().map(|&[r, g, b, _]| mean([r, g, b])).collect(),
     };
     Ok(([image.width, image.height], values))
+}
+
+/// Reads all grids of a NanoVDB file whose content is `bytes`; `path` is for messages.
+///
+/// # Errors
+/// Where the file is malformed, packed with BLOSC, of another version than 32, or holds other values than 32-bit floats.
+pub fn read_nanovdb_bytes(path: &Path, bytes: &[u8]) -> Result<Vec<NanoGrid>, SceneError> {
+    nanovdb::read_all(path, bytes)
 }
 
 /// Reads the mesh in a PLY file whose content is `bytes`, unpacked; `path` is for messages.

@@ -6,8 +6,8 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 use quietus_scene::{Loaded, load, load_bytes};
 use quietus_trace::desc::{
-    Alpha, Camera, CurveKind, Density, EnvironmentLayout, FrameAxis, Geometry, Glow, HairColor, Light,
-    Mapping, Material, Mesh, Metal, NoisePattern, PictureSpread, Projection, Quadric, RoughnessScale,
+    Alpha, Camera, CurveKind, Density, EnvironmentLayout, FrameAxis, Geometry, Glow, HairColor, Interior,
+    Light, Mapping, Material, Mesh, Metal, NoisePattern, PictureSpread, Projection, Quadric, RoughnessScale,
     SceneDesc, Shape, Surface, Texels, Texture, Wrap,
 };
 use quietus_trace::filter::FilterShape;
@@ -614,4 +614,38 @@ fn lights_of_alpha_0_are_not_seen() {
     assert_eq!(scene.materials[0].alpha, Alpha::Unseen);
     let scene = world("Shape \"sphere\" \"float alpha\" 0");
     assert!(matches!(scene.materials[0].alpha, Alpha::Blend { .. }));
+}
+
+#[test]
+fn light_wanders_below_what_is_named_measured_or_coloured() {
+    let below = |text: &str| match material(&format!("Material \"subsurface\" {text}")).surface {
+        Surface::Subsurface(s) => *s,
+        surface => panic!("expected light below, found {surface:?}"),
+    };
+    let coefficients = |text: &str| match below(text).interior {
+        Interior::Coefficients { absorption, scattering } => {
+            [absorption, scattering].map(|color| color.factor)
+        }
+        interior => panic!("expected coefficients, found {interior:?}"),
+    };
+    let skin = below("\"string name\" \"Skin1\" \"float scale\" 10");
+    assert_eq!((skin.ior, skin.g), (1.33, 0.0));
+    let [absorption, scattering] = coefficients("\"string name\" \"Skin1\" \"float scale\" 10");
+    assert!(close(absorption, Vec3::new(0.32, 1.7, 4.8)) && close(scattering, Vec3::new(7.4, 8.8, 10.1)));
+    let [absorption, _] = coefficients("");
+    assert!(close(absorption, Vec3::new(0.0011, 0.0024, 0.014)), "whole milk, {absorption}");
+    let [absorption, scattering] =
+        coefficients("\"spectrum sigma_a\" [300 2 800 2] \"spectrum sigma_s\" [300 5 800 5]");
+    assert!(close(absorption, Vec3::splat(2.0)) && close(scattering, Vec3::splat(5.0)));
+    let texture = "Texture \"t\" \"spectrum\" \"checkerboard\"\n";
+    let scene = world(&format!(
+        "{texture}Material \"subsurface\" \"texture reflectance\" \"t\" \"rgb mfp\" [1 2 4]\
+         \"float scale\" 0.5 \"float eta\" 1.5 \"float g\" 0.5 Shape \"sphere\""
+    ));
+    let Surface::Subsurface(s) = &scene.materials[0].surface else { panic!("expected light below") };
+    let Interior::Reflectance { reflectance, mean_free_path } = s.interior else {
+        panic!("{:?}", s.interior)
+    };
+    assert!(reflectance.texture.is_some() && close(mean_free_path.factor, Vec3::new(0.5, 1.0, 2.0)));
+    assert_eq!((s.ior, s.g), (1.5, 0.5));
 }

@@ -223,6 +223,12 @@ const FAULTS: &[(&str, &str, &str)] = &[
     ("Camera \"perspective\" \"float shutteropen\" 2\nW", "1:1", "expected a later time"),
     ("Film \"rbg\"\nW", "1:1", "did you mean \"rgb\"?"),
     ("Film \"rgb\" \"integer xresolution\" 0\nW", "1:12", "is 0, expected at least 1"),
+    (
+        "W\nMaterial \"subsurface\" \"string name\" \"Skin1\" \"rgb reflectance\" [1 1 1]",
+        "2:41",
+        "both \"name\" and \"reflectance\"",
+    ),
+    ("W\nMaterial \"subsurface\" \"float g\" 1", "2:23", "between -1 and 1"),
     ("Film \"rgb\" \"float cropwindow\" [0.5 0.5 0 1]\nW", "1:12", "leaves nothing of the picture"),
     ("Film \"rgb\" \"string sensor\" \"eye\"\nW", "1:12", "unknown sensor \"eye\""),
     ("PixelFilter \"gauss\"\nW", "1:1", "unknown filter \"gauss\""),
@@ -258,7 +264,7 @@ fn errors_start_with_file_line_and_column() {
 const WARNINGS: &[(&str, &str, &str)] = &[
     ("LightSource \"goniometric\"", "2:1", "shines to all sides alike"),
     ("LightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]", "2:24", "portals"),
-    ("Material \"subsurface\" \"string name\" \"Skin1\" Shape \"sphere\"", "2:1", "coated diffuse one"),
+    ("Material \"subsurface\" \"string name\" \"Skim1\" Shape \"sphere\"", "2:1", "did you mean \"Skin1\"?"),
     ("Material \"measured\" \"string filename\" \"a.bsdf\" Shape \"sphere\"", "2:1", "grey diffuse one"),
     (
         "Texture \"a\" \"float\" \"ptex\" \"string filename\" \"a.ptx\"",

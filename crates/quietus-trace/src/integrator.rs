@@ -23,8 +23,10 @@ use crate::scene::Scene;
 use crate::tile::{PixelWork, Sample, TileCounts};
 use crate::view::View;
 use crate::warp;
+use subsurface::Depths;
 use volume::{Arrival, Connection, ScatterInMedium, Travel};
 
+mod subsurface;
 mod volume;
 
 /// Path segments before Russian roulette may end a path: direct light carries most of the picture. In the Cornell box
@@ -71,6 +73,8 @@ struct Path<'a, I> {
     eta2: f32,
     /// The medium it is in; looked at in scenes with media alone.
     inside: Inside,
+    /// What that is below a surface that light wanders under.
+    depths: Depths,
     sample: Sample,
     /// Whether albedo and normal have been found.
     guided: bool,
@@ -109,15 +113,16 @@ pub(crate) fn sample<I: Isa>(
         at_first: 1.0,
         eta2: 1.0,
         inside: view.medium,
+        depths: Depths::none(),
         sample: Sample::default(),
         guided: false,
     };
     counts.paths += 1;
     for depth in 1..=view.max_depth {
-        let arrival = if scene.media.is_empty() {
-            path.travel(depth, counts)
-        } else {
+        let arrival = if scene.has_volumes {
             isa.outline(Travel { path: &mut path, depth, counts })
+        } else {
+            path.travel(depth, counts)
         };
         let (hit, mut surface) = match arrival {
             Arrival::Surface(hit, surface, distance) => {
@@ -146,22 +151,28 @@ pub(crate) fn sample<I: Isa>(
             path.bits(&hit, 2 * depth) << 24
         });
         let frame = path.frame(&hit, &surface);
-        let bsdf = if scene.materials.disperses(surface.material) {
+        let mut bsdf = if scene.materials.disperses(surface.material) {
             let channel = path.single_out(&hit, depth);
             scene.materials.bsdf_of_channel(surface.material, &surface.surface, channel)
         } else {
             scene.materials.bsdf(surface.material, &surface.surface, path.coverage_key)
         };
+        if let Bsdf::Subsurface(b) = &mut bsdf {
+            *b = b.seen_from(path.below());
+        }
         path.guide(emission, &frame, &bsdf);
         if depth == view.max_depth || matches!(bsdf, Bsdf::Black) {
             break;
         }
         path.sampler.start_dimension(CAMERA_DIMENSIONS + depth * VERTEX_DIMENSIONS);
         counts.rays += u64::from(path.next_event(&hit, &surface, &frame, &bsdf, depth));
+        let arrived = path.direction;
         if !path.scatter(&surface, &frame, &bsdf, depth) {
             break;
         }
-        if !scene.media.is_empty() {
+        if matches!(bsdf, Bsdf::Subsurface(_)) {
+            path.cross_subsurface(&hit, &surface, arrived);
+        } else if scene.has_volumes {
             path.cross(&hit, &surface);
         }
     }
@@ -316,7 +327,7 @@ impl<I: Isa> Path<'_, I> {
     #[inline(always)]
     fn guide(&mut self, emission: Vec3, frame: &Frame, bsdf: &Bsdf) {
         let emits = emission != Vec3::ZERO;
-        if self.guided || (bsdf.is_delta() && !matches!(bsdf, Bsdf::Black) && !emits) {
+        if self.guided || (bsdf.is_delta() && !matches!(bsdf, Bsdf::Black | Bsdf::Subsurface(_)) && !emits) {
             return;
         }
         self.guided = true;
@@ -355,8 +366,12 @@ impl<I: Isa> Path<'_, I> {
         }
         let (value, bsdf_pdf) = bsdf.eval_pdf(wo, wi);
         let ray = segment_to(surface.leave(light.direction), &light, self.time);
-        if !self.scene.media.is_empty() {
-            let inside = self.scene.beyond(hit, surface, light.direction, self.inside);
+        if self.scene.has_volumes {
+            let inside = match bsdf {
+                Bsdf::Subsurface(_) => self.beside(hit, surface, light.direction),
+                _ => Some(self.scene.beyond(hit, surface, light.direction, self.inside)),
+            };
+            let Some(inside) = inside else { return false };
             let connection = Connection { light, carried: self.throughput * value, pdf: bsdf_pdf, inside };
             return self.connect(&ray, &connection, depth);
         }

@@ -8,6 +8,7 @@ mod check;
 mod normal;
 mod params;
 mod scatter;
+mod subsurface;
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -16,7 +17,7 @@ use glam::Vec3;
 
 use self::params::each_param;
 use crate::{
-    bsdf::layered::CoatTable,
+    bsdf::{layered::CoatTable, subsurface::SubsurfaceTable},
     desc::{self, Alpha, ColorParam, MaterialId, Roughness, ScalarParam, Surface, Texture, TextureId},
     texture::{TextureError, TextureTable},
 };
@@ -42,6 +43,8 @@ struct Compiled {
     disperses: bool,
     /// What its coat lets pass, where there is one and a closed form for it.
     coat: Option<Arc<CoatTable>>,
+    /// Which medium gives back how much light, where light wanders below it.
+    below: Option<Arc<SubsurfaceTable>>,
 }
 
 /// What is wrong with a scene's materials or textures.
@@ -96,16 +99,17 @@ impl MaterialTable {
         let exact: HashSet<TextureId> = materials.iter().flat_map(exact_textures).collect();
         let textures = TextureTable::compile(textures, |id| exact.contains(&id))?;
         let mut table = Self { textures, materials: vec![] };
-        let coats = scatter::coats(materials);
+        let (coats, below) = (scatter::coats(materials), subsurface::tables(materials));
         table.materials = materials
             .iter()
-            .zip(coats)
-            .map(|(desc, coat)| Compiled {
+            .zip(coats.into_iter().zip(below))
+            .map(|(desc, (coat, below))| Compiled {
                 desc: desc.clone(),
                 opaque: is_opaque(desc, materials),
                 needs_tangent: needs_tangent(desc, materials),
                 disperses: disperses(desc),
                 coat,
+                below,
             })
             .collect();
         Ok(table)
@@ -286,6 +290,7 @@ fn needs_tangent(material: &desc::Material, materials: &[desc::Material]) -> boo
                 anisotropic(roughness)
             }
             Surface::Glass(glass) => anisotropic(&glass.roughness),
+            Surface::Subsurface(s) => anisotropic(&s.roughness),
             Surface::CoatedDiffuse { coat, .. } => anisotropic(&coat.roughness),
             Surface::CoatedConductor { roughness, coat, .. } => {
                 anisotropic(roughness) || anisotropic(&coat.roughness)

@@ -53,6 +53,26 @@ impl Medium {
         }
     }
 
+    /// What lies below a surface that light wanders under: absorbs and scatters so much, the same everywhere.
+    pub(crate) fn below([absorption, scattering]: [Vec3; 2], g: f32) -> Self {
+        Self {
+            extinction: absorption + scattering,
+            scattering,
+            emission: Vec3::ZERO,
+            glow: Vec3::ZERO,
+            phase: HenyeyGreenstein::new(g),
+            scatters: scattering != Vec3::ZERO,
+            emits: false,
+            field: SAME,
+        }
+    }
+
+    /// The same with mean free paths of `least` at least: what is finer than positions are known cannot be followed.
+    pub(crate) fn no_finer_than(self, least: f32) -> Self {
+        let factor = self.extinction.map(|s| if s * least > 1.0 { 1.0 / (s * least) } else { 1.0 });
+        Self { extinction: self.extinction * factor, scattering: self.scattering * factor, ..self }
+    }
+
     /// Compiles all media, and the fields of those that vary.
     pub(crate) fn all(media: &[desc::Medium]) -> (Vec<Self>, Vec<Field>) {
         let mut fields = Vec::new();
@@ -107,6 +127,9 @@ pub(crate) struct Inside(u32);
 impl Inside {
     /// No medium.
     pub(crate) const VACUUM: Self = Self(u32::MAX);
+
+    /// Below a surface that light wanders under: the path itself knows in what.
+    pub(crate) const BELOW: Self = Self(u32::MAX - 1);
 
     /// In the medium of this number, or in vacuum.
     pub(crate) fn new(medium: Option<MediumId>) -> Self {

@@ -72,6 +72,8 @@ pub struct Scene {
     pub(crate) media: Vec<Medium>,
     /// How those of them vary that do.
     pub(crate) fields: Vec<Field>,
+    /// Whether there is anything between surfaces: media, or what light wanders in below a surface.
+    pub(crate) has_volumes: bool,
     /// Whether there are surfaces that are nothing but borders between media.
     has_borders: bool,
     instances: Vec<PlacedObject>,

@@ -9,6 +9,8 @@ use super::fault::{Context, Fault, Result};
 use super::params::{Kind, Params};
 use super::spectrum::{self, Spectrum};
 use super::transform::single;
+use crate::error::SceneError;
+use crate::nanovdb;
 
 /// How the medium of type `kind` varies, whose space is `to_world`; none where it does not.
 pub(super) fn variation(
@@ -21,6 +23,7 @@ pub(super) fn variation(
         "uniformgrid" => uniform(params, context)?,
         "rgbgrid" => colors(params)?,
         "cloud" => (cloud(params)?, None),
+        "nanovdb" => return vdb(params, to_world, context).map(Some),
         _ => return Ok(None),
     };
     let from_unit = bounds(params)?;
@@ -71,7 +74,7 @@ fn grid<T>(
     }
     match values.iter().position(|value| !sound(value)) {
         Some(index) => refuse(format!("value {index} of \"{name}\" is negative, expected at least 0")),
-        None => Ok(Grid { size, values }),
+        None => Ok(Grid::dense(size, values)),
     }
 }
 
@@ -130,6 +133,44 @@ fn uniform(params: &Params, context: &Context) -> Result<(Density, Option<Glow>)
         );
     }
     Ok((Density::Grid(density), glow))
+}
+
+/// Densities, and temperatures if there are any, of a file of NanoVDB.
+fn vdb(params: &Params, to_world: DAffine3, context: &Context) -> Result<Arc<Variation>> {
+    let Some(name) = params.string("filename")? else {
+        return Err(Fault::invalid(params.place, format!("{} has no \"string filename\"", params.owner)));
+    };
+    let (path, place) = (context.resolve(name), params.place_of("filename"));
+    let read = || -> std::result::Result<_, SceneError> {
+        let bytes = crate::file::read(&path)?;
+        Ok((nanovdb::read(&path, &bytes, "density")?, nanovdb::read(&path, &bytes, "temperature")?))
+    };
+    let (density, temperature) = read().map_err(|error| context.blame(place, error))?;
+    let Some(density) = density else {
+        return Err(Fault::invalid(place, format!("{} holds no grid called \"density\"", path.display())));
+    };
+    let clamped = density.clamped + temperature.as_ref().map_or(0, |grid| grid.clamped);
+    if clamped > 0 {
+        context.warn(
+            place,
+            format!("{clamped} values of {} are negative or no numbers: they are 0", path.display()),
+        );
+    }
+    let glow = match temperature.map(|temperature| temperature.within(&density)) {
+        None => None,
+        Some(Some(temperature)) => Some(heat(params, temperature, None)?),
+        Some(None) => {
+            let message = "temperatures on other cells than those of the densities are left out";
+            context.warn(place, message);
+            None
+        }
+    };
+    let size = DVec3::from_array(density.grid.size.map(f64::from));
+    // From the middles of cells to their borders.
+    let from_unit =
+        density.to_space * DAffine3::from_translation(DVec3::splat(-0.5)) * DAffine3::from_scale(size);
+    let from_world = single((to_world * from_unit).inverse());
+    Ok(Arc::new(Variation { from_world, density: Density::Grid(density.grid), glow }))
 }
 
 /// Black bodies, as bright as the brightest of their wavelengths is 1.

@@ -12,7 +12,6 @@ use quietus_trace::desc::{
 use super::draft::{Alpha, AreaLight, Draft, MaterialRef};
 use super::fault::{Context, Fault, Place, Result, unknown};
 use super::images::Use;
-use super::medium;
 use super::params::{Kind, Params};
 use super::spectrum::{Spectrum, metal_index};
 use super::texture::Textures;
@@ -58,7 +57,7 @@ pub(super) struct Worn<'a> {
 /// The materials of a scene.
 #[derive(Debug)]
 pub(super) struct Materials<'a, 'c> {
-    context: &'c Context,
+    pub(super) context: &'c Context,
     draft: &'a Draft,
     pub textures: Textures<'c>,
     pub list: Vec<desc::Material>,
@@ -256,7 +255,7 @@ impl<'a, 'c> Materials<'a, 'c> {
     }
 
     /// One index of refraction, for all wavelengths.
-    fn ior(&self, params: &Params, name: &'static str, default: f32) -> Result<f32> {
+    pub(super) fn ior(&self, params: &Params, name: &'static str, default: f32) -> Result<f32> {
         let Some(param) = params.find(name, &[Kind::Float, Kind::Spectrum, Kind::Rgb])? else {
             return Ok(default);
         };
@@ -277,7 +276,7 @@ impl<'a, 'c> Materials<'a, 'c> {
     }
 
     /// Roughness from the parameters for both axes, and for each.
-    fn roughness(&self, params: &Params, [both, u, v]: [&'static str; 3]) -> Result<Roughness> {
+    pub(super) fn roughness(&self, params: &Params, [both, u, v]: [&'static str; 3]) -> Result<Roughness> {
         let both = self.textures.number(params, both, 0.0)?;
         let remap = params.boolean("remaproughness", true)?;
         let u = self.textures.number_option(params, u)?.unwrap_or(both);
@@ -384,32 +383,6 @@ impl<'a, 'c> Materials<'a, 'c> {
         }
         Ok(Surface::Mix { materials, amount })
     }
-
-    /// Stands in for light below the surface: a coat over the colour that the material shows.
-    fn subsurface(&self, params: &Params) -> Result<Surface> {
-        let message = "material \"subsurface\" is not drawn; a coated diffuse one of its colour stands in";
-        self.context.warn(params.place, message);
-        let eta = self.ior(params, "eta", 1.33)?;
-        let reflectance = match self.textures.color_option(params, "reflectance", 1.0)? {
-            Some(reflectance) => reflectance,
-            None => {
-                let [absorption, scattering] = medium::preset(params.string("name")?, params, self.context)
-                    .unwrap_or(medium::WHOLE_MILK);
-                let factor = |name, default| -> Result<Vec3> {
-                    let color = self.textures.color(params, name, default, f32::INFINITY)?;
-                    Ok(color.factor)
-                };
-                let (a, s) = (factor("sigma_a", absorption)?, factor("sigma_s", scattering)?);
-                ColorParam::constant(diffuse_reflectance(a, s, eta))
-            }
-        };
-        let roughness = self.roughness(params, ["roughness", "uroughness", "vroughness"])?;
-        params.ignore(&["g", "mfp", "name", "scale", "sigma_a", "sigma_s"]);
-        let (zero, black) = (ScalarParam::constant(0.0), ColorParam::constant(Vec3::ZERO));
-        let thickness = ScalarParam::constant(0.01);
-        let coat = Coat { ior: eta, roughness, thickness, albedo: black, g: zero, max_depth: 10 };
-        Ok(Surface::CoatedDiffuse { reflectance, coat })
-    }
 }
 
 /// pbrt's usual reflectance.
@@ -417,15 +390,3 @@ const HALF: Vec3 = Vec3::splat(0.5);
 
 /// What indices of metals may be given as.
 const METAL_KINDS: [Kind; 4] = [Kind::Rgb, Kind::Spectrum, Kind::Blackbody, Kind::Texture];
-
-/// What a thick medium reflects of diffuse light (Jensen, Marschner, Levoy, Hanrahan 2001, "A Practical Model for
-/// Subsurface Light Transport", section 2.4).
-fn diffuse_reflectance(absorption: Vec3, scattering: Vec3, eta: f32) -> Vec3 {
-    let internal = -1.440 / (eta * eta) + 0.710 / eta + 0.668 + 0.0636 * eta;
-    let a = (1.0 + internal) / (1.0 - internal);
-    let albedo = scattering / (absorption + scattering).max(Vec3::splat(f32::MIN_POSITIVE));
-    albedo.map(|albedo| {
-        let root = (3.0 * (1.0 - albedo)).max(0.0).sqrt();
-        0.5 * albedo * (1.0 + (-4.0 / 3.0 * a * root).exp()) * (-root).exp()
-    })
-}

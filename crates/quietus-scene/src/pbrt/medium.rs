@@ -92,6 +92,10 @@ fn coefficients(params: &Params, context: &Context) -> Result<[Vec3; 2]> {
     Ok(preset(params.string("preset")?, params, context).unwrap_or(own))
 }
 
+/// What tells how a file of NanoVDB glows, if it holds temperatures.
+const NANOVDB_GLOW: [&str; 5] =
+    ["LeScale", "Lescale", "temperaturecutoff", "temperatureoffset", "temperaturescale"];
+
 /// The media of a scene, under their names.
 #[derive(Debug, Default)]
 pub(super) struct Media {
@@ -134,10 +138,6 @@ fn read(name: &str, entity: &Entity, to_world: DAffine3, context: &Context) -> R
     if !KINDS.contains(&kind) {
         return Err(Fault::invalid(params.place_of("type"), unknown("medium", kind, &KINDS)));
     }
-    if kind == "nanovdb" {
-        context.warn(params.place, "media of type \"nanovdb\" are left out: files of NanoVDB are not read");
-        return left_out(name, params);
-    }
     let variation = grid::variation(kind, params, to_world, context)?;
     let at_least_0 = |name, default| params.float_where(name, default, |value| value >= 0.0, "at least 0");
     let [absorption, scattering] = match kind {
@@ -147,7 +147,13 @@ fn read(name: &str, entity: &Entity, to_world: DAffine3, context: &Context) -> R
     };
     let emission = match variation.as_deref().and_then(|variation| variation.glow.as_ref()) {
         Some(Glow::Colors(_)) => Vec3::splat(at_least_0("Lescale", 1.0)?),
-        Some(Glow::Heat { scale: None, .. }) => Vec3::splat(at_least_0("Lescale", 1.0)?),
+        Some(Glow::Heat { scale: None, .. }) => {
+            Vec3::splat(at_least_0("Lescale", at_least_0("LeScale", 1.0)?)?)
+        }
+        None if kind == "nanovdb" => {
+            params.ignore(&NANOVDB_GLOW);
+            Vec3::ZERO
+        }
         Some(Glow::Heat { .. }) => Vec3::ONE,
         glow => {
             // A grid has been taken for what it is.
@@ -168,14 +174,4 @@ fn read(name: &str, entity: &Entity, to_world: DAffine3, context: &Context) -> R
     params.ignore(&["type"]);
     params.finish()?;
     Ok(medium)
-}
-
-/// Nothing, in place of a medium.
-fn left_out(name: &str, params: &Params) -> Result<desc::Medium> {
-    params.ignore(&["g", "preset", "scale", "sigma_a", "sigma_s", "Le", "LeScale", "Lescale", "filename"]);
-    params.ignore(&["temperaturecutoff", "temperatureoffset", "temperaturescale", "type"]);
-    params.finish()?;
-    let none = Vec3::ZERO;
-    let (absorption, scattering, emission) = (none, none, none);
-    Ok(desc::Medium { name: name.to_owned(), absorption, scattering, emission, g: 0.0, variation: None })
 }

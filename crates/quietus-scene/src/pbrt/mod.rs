@@ -31,6 +31,7 @@ mod predecessor;
 mod shape;
 mod spectrum;
 mod subdivision;
+mod subsurface;
 mod surrounding;
 mod texture;
 mod transform;

@@ -22,6 +22,7 @@ pub mod hair;
 pub mod layered;
 mod metal_rough;
 mod sheen;
+pub mod subsurface;
 mod thin;
 
 use std::f32::consts::FRAC_1_PI;
@@ -34,6 +35,7 @@ pub use film::{Film, FilmParams};
 pub use hair::{Hair, HairParams};
 pub use layered::{CoatedDiffuse, Layered};
 pub use metal_rough::{MetalRough, MetalRoughParams};
+pub use subsurface::Subsurface;
 pub use thin::{DiffuseTransmission, ThinDielectric};
 
 use crate::warp;
@@ -61,6 +63,8 @@ pub enum Bsdf<'a> {
     Hair(Hair),
     /// The metallic-roughness model of glTF 2.0, on both sides.
     MetalRough(MetalRough),
+    /// What light wanders under, seen from the side that it was told of.
+    Subsurface(Subsurface),
 }
 
 /// A direction drawn from a BSDF.
@@ -115,6 +119,7 @@ impl Bsdf<'_> {
             Self::Layered(b) => b.eval_pdf(wo, wi),
             Self::Hair(b) => b.eval_pdf(wo, wi),
             Self::MetalRough(b) => b.eval_pdf(wo, wi),
+            Self::Subsurface(b) => b.eval_pdf(wo, wi),
         }
     }
 
@@ -133,6 +138,7 @@ impl Bsdf<'_> {
             Self::Layered(b) => b.sample(wo, u_lobe, u),
             Self::Hair(b) => b.sample(wo, u_lobe, u),
             Self::MetalRough(b) => b.sample(wo, u_lobe, u),
+            Self::Subsurface(b) => b.sample(wo, u_lobe, u),
         }
     }
 
@@ -146,6 +152,7 @@ impl Bsdf<'_> {
             Self::Dielectric(b) => b.is_delta(),
             Self::Layered(b) => b.is_delta(),
             Self::MetalRough(b) => b.is_delta(),
+            Self::Subsurface(b) => b.is_delta(),
         }
     }
 
@@ -173,6 +180,7 @@ impl Bsdf<'_> {
             Self::Layered(b) => b.albedo(),
             Self::Hair(b) => b.albedo(),
             Self::MetalRough(b) => b.albedo(),
+            Self::Subsurface(b) => b.albedo(),
         }
     }
 }

@@ -100,6 +100,8 @@ pub enum Surface {
         /// Share transmitted.
         transmittance: ColorParam,
     },
+    /// Glass that light enters to wander below it in a medium of its own: skin, wax, milk, marble.
+    Subsurface(Box<Subsurface>),
     /// A fibre (Chiang et al. 2016), for curves.
     Hair(Box<Hair>),
     /// Each hit is the first material with probability `1 - amount`, else the second.
@@ -126,6 +128,38 @@ pub struct Glass {
     pub tint: ColorParam,
     /// On its surface.
     pub film: ThinFilm,
+}
+
+/// A surface that light enters, and what is below it, on the side that its geometric normal points away from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Subsurface {
+    /// Index of refraction inside over outside.
+    pub ior: f32,
+    /// Of its surface; smooth where it is 0.
+    pub roughness: Roughness,
+    /// What is below, as it is where light enters: for all of its walk.
+    pub interior: Interior,
+    /// Henyey-Greenstein asymmetry, in -1..1.
+    pub g: f32,
+}
+
+/// A medium below a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Interior {
+    /// By its coefficients per metre.
+    Coefficients {
+        /// Absorption, at least 0.
+        absorption: ColorParam,
+        /// Scattering, at least 0.
+        scattering: ColorParam,
+    },
+    /// By what is seen of it.
+    Reflectance {
+        /// What a thick piece gives back of the light that has entered it, in 0..1.
+        reflectance: ColorParam,
+        /// Mean free path in metres, at least 0.
+        mean_free_path: ColorParam,
+    },
 }
 
 /// The metallic-roughness model of glTF 2.0 (specification, appendix B) and KHR extensions, field by field.

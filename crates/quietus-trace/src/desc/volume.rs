@@ -9,8 +9,31 @@ use glam::{Affine3A, Vec3};
 pub struct Grid<T> {
     /// Cells along x, y and z, each at least 1.
     pub size: [u32; 3],
-    /// One value per cell, x fastest, then y, then z; finite and at least 0.
+    /// One value per cell, x fastest, then y, then z; finite and at least 0. Where there are bricks, so for each brick,
+    /// one after the other.
     pub values: Vec<T>,
+    /// Where much of it is empty: for each block of [`BRICK`](Self::BRICK) cells along each axis, in the same order, which
+    /// of the bricks in `values` it is, or [`NOTHING`](Self::NOTHING) where all of it is 0. Blocks may share bricks.
+    pub bricks: Option<Vec<u32>>,
+}
+
+impl<T> Grid<T> {
+    /// Cells of a brick along each axis.
+    pub const BRICK: u32 = 8;
+    /// Cells of a brick.
+    pub const BRICK_CELLS: usize = (Self::BRICK * Self::BRICK * Self::BRICK) as usize;
+    /// Stands for "all 0" in `bricks`.
+    pub const NOTHING: u32 = u32::MAX;
+
+    /// One value for every cell.
+    pub fn dense(size: [u32; 3], values: Vec<T>) -> Self {
+        Self { size, values, bricks: None }
+    }
+
+    /// How many blocks there are along each axis.
+    pub fn blocks(&self) -> [u32; 3] {
+        self.size.map(|n| n.div_ceil(Self::BRICK))
+    }
 }
 
 /// How a [`Medium`](super::Medium) differs from place to place, in a box; outside of it there is nothing.

@@ -4,6 +4,7 @@ mod direct;
 mod emitters;
 mod motion;
 mod shapes;
+mod subsurface;
 mod surfaces;
 mod textures;
 mod volume;

@@ -41,6 +41,9 @@ impl<J: Isa> Job for Travel<'_, '_, J> {
     fn run<I: Isa>(self, _: I) -> Arrival {
         let Self { path, depth, counts } = self;
         let scene = path.scene;
+        if path.inside == Inside::BELOW {
+            return path.wander(depth, counts);
+        }
         path.sampler.start_dimension(CAMERA_DIMENSIONS + depth * VERTEX_DIMENSIONS - 1);
         let mut flight = Flight::new(path.throughput, path.sampler.next_1d());
         let mut travelled = 0.0;
@@ -141,7 +144,7 @@ impl<I: Isa> Path<'_, I> {
 
     /// Multiplies in a flight that was not scattered: into the density too, which counts the survivors.
     #[inline(always)]
-    fn arrive(&mut self, passage: &Passage) {
+    pub(super) fn arrive(&mut self, passage: &Passage) {
         self.throughput *= passage.weight();
         if self.pdf != f32::INFINITY {
             self.pdf *= passage.probability();
@@ -185,7 +188,8 @@ impl<I: Isa> Path<'_, I> {
             } else {
                 None
             };
-            if let Some(medium) = inside.of(&scene.media) {
+            let below = (inside == Inside::BELOW).then(|| self.depths.medium());
+            if let Some(medium) = inside.of(&scene.media).or(below) {
                 let length = hit.map_or(ray.t_max, |hit| hit.t);
                 if let Some(field) = medium.field(&scene.fields) {
                     let way = Way { origin: ray.origin, direction: ray.direction, length };

@@ -48,6 +48,9 @@ impl Check<'_> {
             }
             Surface::CoatedDiffuse { coat, .. } => self.coat(coat),
             Surface::CoatedConductor { metal, coat, .. } => self.metal(metal).and(self.coat(coat)),
+            Surface::Subsurface(s) => {
+                self.ior("ior", s.ior).and(self.range("asymmetry", s.g.abs() < 1.0, "between -1 and 1", s.g))
+            }
             Surface::Hair(hair) => self.hair(hair),
             Surface::Mix { .. } => self.mix(m, 0),
             Surface::MetalRough(m) => self.metal_rough(m),

@@ -1,6 +1,8 @@
 //! All parameters of a material that a texture may drive, each by its name.
 
-use crate::desc::{self, Coat, ColorParam, HairColor, Metal, Roughness, ScalarParam, Surface, TextureId};
+use crate::desc::{
+    self, Coat, ColorParam, HairColor, Interior, Metal, Roughness, ScalarParam, Surface, TextureId,
+};
 
 /// One parameter.
 #[derive(Clone, Copy)]
@@ -62,6 +64,7 @@ fn surface(surface: &Surface, f: &mut impl FnMut(&'static str, Param<'_>)) {
             f("reflectance", Param::Color(reflectance));
             f("transmittance", Param::Color(transmittance));
         }
+        Surface::Subsurface(s) => subsurface(s, f),
         Surface::Hair(hair) => self::hair(hair, f),
         Surface::Mix { amount, .. } => f("amount", Param::Scalar(amount)),
         Surface::MetalRough(m) => metal_rough(m, f),
@@ -85,6 +88,20 @@ fn coat(coat: &Coat, f: &mut impl FnMut(&'static str, Param<'_>)) {
     f("coat thickness", Param::Scalar(&coat.thickness));
     f("albedo below the coat", Param::Color(&coat.albedo));
     f("asymmetry below the coat", Param::Scalar(&coat.g));
+}
+
+fn subsurface(s: &desc::Subsurface, f: &mut impl FnMut(&'static str, Param<'_>)) {
+    roughness("roughness", &s.roughness, f);
+    let [(first, a), (second, b)] = match &s.interior {
+        Interior::Coefficients { absorption, scattering } => {
+            [("absorption", absorption), ("scattering", scattering)]
+        }
+        Interior::Reflectance { reflectance, mean_free_path } => {
+            [("reflectance", reflectance), ("mean free path", mean_free_path)]
+        }
+    };
+    f(first, Param::Color(a));
+    f(second, Param::Color(b));
 }
 
 fn hair(hair: &desc::Hair, f: &mut impl FnMut(&'static str, Param<'_>)) {

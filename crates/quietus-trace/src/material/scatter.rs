@@ -117,6 +117,7 @@ impl MaterialTable {
             }
             Surface::Glass(glass) => self.glass(glass, point, glass.ior.y),
             Surface::Hair(hair) => Bsdf::Hair(self.hair(hair, point)),
+            Surface::Subsurface(s) => self.subsurface(id, s, point),
             _ => Bsdf::Black,
         }
     }
@@ -176,7 +177,7 @@ impl MaterialTable {
 
     /// The microfacets of a rough surface; `None` where it is smooth.
     #[inline]
-    fn facets(&self, Roughness { u, v, scale }: &Roughness, point: &SurfacePoint) -> Option<Ggx> {
+    pub(super) fn facets(&self, Roughness { u, v, scale }: &Roughness, point: &SurfacePoint) -> Option<Ggx> {
         let alpha = |p: &ScalarParam| scale.alpha(p.at(point, &self.textures));
         let along = alpha(u);
         let across = if u == v { along } else { alpha(v) };

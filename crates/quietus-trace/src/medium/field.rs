@@ -10,9 +10,12 @@
 //! The heuristic that weights two ways to a light needs the same number on both, which no random estimate is: it gets
 //! the extinction's means over cells, with which a flight through the box would have been as long.
 
+mod grid;
+
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
+use rayon::prelude::*;
 
 use super::Medium;
 use super::flight::{Flight, Scattered};
@@ -72,7 +75,7 @@ impl Chance {
     }
 
     /// Uniform in `[0, 1)`.
-    fn number(&mut self) -> f32 {
+    pub(crate) fn number(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         (mix64(self.0) >> 40) as f32 / (1_u32 << 24) as f32
     }
@@ -104,13 +107,17 @@ impl Field {
             Density::Cloud { .. } => [CELLS_OF_CLOUDS; 3],
         };
         let mut field = Self { variation, size, cells: Vec::new() };
-        let count = size.map(|n| n as usize).iter().product();
-        field.cells = (0..count).map(|i| field.cell(medium, i)).collect();
+        let count: usize = size.map(|n| n as usize).iter().product();
+        let uniform = match &field.variation.density {
+            Density::Grid(grid) => grid.uniform_bricks(),
+            _ => Vec::new(),
+        };
+        field.cells = (0..count).into_par_iter().map(|i| field.cell(medium, i, &uniform)).collect();
         Some(field)
     }
 
-    /// Looks at cell number `index`.
-    fn cell(&self, medium: &desc::Medium, index: usize) -> Cell {
+    /// Looks at cell number `index`; of a grid's bricks it is known which are the same everywhere.
+    fn cell(&self, medium: &desc::Medium, index: usize, uniform: &[Option<f32>]) -> Cell {
         let [nx, ny, nz] = self.size;
         let index = index as u32;
         let at = [index % nx, index / nx % ny, index / nx / ny];
@@ -119,13 +126,13 @@ impl Field {
         match &self.variation.density {
             Density::Grid(grid) => {
                 let extinction = medium.absorption + medium.scattering;
-                let (most, mean) = grid.over(part, 0.0, f32::max);
+                let (most, mean) = grid.over(part, uniform, 0.0, f32::max);
                 Cell { majorant: most * extinction.max_element(), mean: mean * extinction }
             }
             Density::Colors { absorption, scattering } => {
                 let over = |grid: &Option<Grid<Vec3>>| match grid {
                     None => (Vec3::ONE, Vec3::ONE),
-                    Some(grid) => grid.over(part, Vec3::ZERO, Vec3::max),
+                    Some(grid) => grid.over(part, &[], Vec3::ZERO, Vec3::max),
                 };
                 let ((most_a, mean_a), (most_s, mean_s)) = (over(absorption), over(scattering));
                 let of = |a: Vec3, s: Vec3| medium.absorption * a + medium.scattering * s;
@@ -368,60 +375,6 @@ impl March {
     /// The place in the unit cube after so far.
     fn place(&self, t: f32) -> Vec3 {
         self.origin + t * self.direction
-    }
-}
-
-impl<T: Copy + std::ops::Add<Output = T> + std::ops::Mul<f32, Output = T>> Grid<T> {
-    fn value(&self, [x, y, z]: [u32; 3]) -> T {
-        let [nx, ny, _] = self.size.map(|n| n as usize);
-        self.values[(z as usize * ny + y as usize) * nx + x as usize]
-    }
-
-    /// Its value at `p` in the unit cube.
-    fn at(&self, p: Vec3) -> T {
-        let size = Vec3::from_array(self.size.map(|n| n as f32));
-        let place = p * size - 0.5;
-        let low = place.floor();
-        let share = place - low;
-        let low = low.as_ivec3().to_array();
-        // Beyond the last middles there is 0: the nearest value counts with a weight of 0.
-        let corner = |axis: usize, upper: bool| {
-            let at = low[axis].saturating_add(i32::from(upper));
-            let last = self.size[axis] as i32 - 1;
-            let weight = if upper { share[axis] } else { 1.0 - share[axis] };
-            (at.clamp(0, last) as u32, if (0..=last).contains(&at) { weight } else { 0.0 })
-        };
-        let mut sum = None;
-        for i in 0..8 {
-            let corners: [_; 3] = std::array::from_fn(|axis| corner(axis, i >> axis & 1 == 1));
-            let part =
-                self.value(corners.map(|(at, _)| at)) * corners.iter().map(|(_, w)| w).product::<f32>();
-            sum = Some(sum.map_or(part, |sum: T| sum + part));
-        }
-        sum.unwrap_or_else(|| unreachable!("eight corners"))
-    }
-
-    /// A bound of its values in a part of the unit cube, and about their mean.
-    fn over(&self, part: [[f32; 2]; 3], zero: T, most: impl Fn(T, T) -> T) -> (T, T) {
-        /// Voxels by which the part is widened, as places are rounded.
-        const MARGIN: f32 = 0.01;
-        let spans: [[u32; 2]; 3] = std::array::from_fn(|axis| {
-            let [low, high] = part[axis].map(|edge| edge * self.size[axis] as f32 - 0.5);
-            let last = self.size[axis] as i32 - 1;
-            [(low - MARGIN).floor() as i32, (high + MARGIN).floor() as i32 + 1]
-                .map(|i| i.clamp(0, last) as u32)
-        });
-        let [[x0, x1], [y0, y1], [z0, z1]] = spans;
-        let (mut bound, mut sum, mut count) = (zero, zero, 0_u32);
-        for z in z0..=z1 {
-            for y in y0..=y1 {
-                for x in x0..=x1 {
-                    let value = self.value([x, y, z]);
-                    (bound, sum, count) = (most(bound, value), sum + value, count + 1);
-                }
-            }
-        }
-        (bound, sum * (1.0 / count as f32))
     }
 }
 

@@ -135,6 +135,13 @@ impl Flight {
         Self { passage, channel, depth: -(-u).ln_1p() }
     }
 
+    /// How far it goes in a medium that is the same everywhere until it is scattered.
+    #[inline(always)]
+    pub(crate) fn free(&self, medium: &Medium) -> f32 {
+        let sigma = medium.extinction[self.channel];
+        if medium.scatters && sigma > 0.0 { self.depth / sigma } else { f32::INFINITY }
+    }
+
     /// Flies up to `distance` (which may be infinite) through a medium, unless light scatters before.
     #[inline]
     pub(crate) fn fly(&mut self, medium: &Medium, distance: f32) -> Option<Scattered> {
@@ -143,7 +150,7 @@ impl Flight {
             return None;
         }
         let sigma = medium.extinction[self.channel];
-        let free = if sigma > 0.0 { self.depth / sigma } else { f32::INFINITY };
+        let free = self.free(medium);
         if free < distance {
             let passed = medium.transmittance(free);
             let density = (self.passage.survival * passed).dot(medium.extinction);

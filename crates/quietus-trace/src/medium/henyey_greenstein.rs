@@ -40,19 +40,32 @@ impl HenyeyGreenstein {
     /// the same number. For random numbers in `[0, 1)`.
     #[inline]
     pub fn sample(&self, from: Vec3, u: Vec2) -> (Vec3, f32) {
-        let g = self.g;
-        let cosine = if g.abs() < EVEN {
-            // To first order: the density 1 / 2 (1 + 3 g c) of the cosine, inverted to the same order.
-            let c = 1.0 - 2.0 * u.x;
-            c + 1.5 * g * (1.0 - c * c)
-        } else {
-            let root = (1.0 - g * g) / (1.0 + g - 2.0 * g * u.x);
-            (1.0 + g * g - root * root) / (2.0 * g)
-        };
-        let cosine = cosine.clamp(-1.0, 1.0);
+        let cosine = self.cosine(u.x);
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
         let (sin, cos) = (2.0 * PI * u.y).sin_cos();
         let to = Frame::from_normal(from).to_world(Vec3::new(sine * cos, sine * sin, cosine)).normalize();
         (to, self.density(from, to))
+    }
+
+    /// The cosine with an axis of light that has turned, given that before and two random numbers in `[0, 1)`.
+    pub(crate) fn turn(&self, before: f32, u: f32, azimuth: f32) -> f32 {
+        let cosine = self.cosine(u);
+        let sines = ((1.0 - before * before) * (1.0 - cosine * cosine)).max(0.0).sqrt();
+        (before * cosine + sines * (2.0 * PI * azimuth).cos()).clamp(-1.0, 1.0)
+    }
+
+    /// The cosine of the angle by which light turns, for a random number in `[0, 1)`.
+    #[inline(always)]
+    fn cosine(&self, u: f32) -> f32 {
+        let g = self.g;
+        let cosine = if g.abs() < EVEN {
+            // To first order: the density 1 / 2 (1 + 3 g c) of the cosine, inverted to the same order.
+            let c = 1.0 - 2.0 * u;
+            c + 1.5 * g * (1.0 - c * c)
+        } else {
+            let root = (1.0 - g * g) / (1.0 + g - 2.0 * g * u);
+            (1.0 + g * g - root * root) / (2.0 * g)
+        };
+        cosine.clamp(-1.0, 1.0)
     }
 }

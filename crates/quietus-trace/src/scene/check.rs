@@ -260,10 +260,19 @@ fn grid<T>(place: Place, grid: &Grid<T>, sound: impl Fn(&T) -> bool) -> Result<(
     let [x, y, z] = grid.size;
     let size = format!("{x}x{y}x{z}");
     value(place, "size of the grid", size, (1..1 << 24).contains(&x.min(y).min(z)), "1x1x1 or more")?;
-    let expected = (x as usize).checked_mul(y as usize).and_then(|xy| xy.checked_mul(z as usize));
-    let (found, what) = (grid.values.len(), "values in the grid");
-    if expected != Some(found) {
-        return Err(Error::Length { place: place(), what, found, expected: expected.unwrap_or(usize::MAX) });
+    let count = |[x, y, z]: [u32; 3]| {
+        (x as usize).checked_mul(y as usize).and_then(|xy| xy.checked_mul(z as usize)).unwrap_or(usize::MAX)
+    };
+    let (found, expected, what) = match &grid.bricks {
+        None => (grid.values.len(), count(grid.size), "values in the grid"),
+        Some(bricks) => (bricks.len(), count(grid.blocks()), "blocks in the grid"),
+    };
+    if expected != found {
+        return Err(Error::Length { place: place(), what, found, expected });
+    }
+    let stored = grid.values.len() / Grid::<T>::BRICK_CELLS;
+    for &brick in grid.bricks.iter().flatten().filter(|&&brick| brick != Grid::<T>::NOTHING) {
+        index(place, "brick", brick, stored)?;
     }
     let all = grid.values.iter().all(sound);
     value(place, "a value of the grid", "something else", all, "finite numbers of at least 0")

@@ -49,6 +49,7 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
     );
     let moves = !motions.is_empty() || shapes.iter().any(|shape| is_deforming(&shape.geometry));
     let (media, fields) = Medium::all(&desc.media);
+    let has_volumes = !media.is_empty() || materials.any_subsurface();
     let has_borders = shapes.iter().any(|shape| shape.only_border);
     Scene {
         accel,
@@ -56,6 +57,7 @@ pub(super) fn scene(desc: &SceneDesc, materials: MaterialTable) -> Scene {
         lights,
         media,
         fields,
+        has_volumes,
         has_borders,
         instances,
         shapes,

@@ -237,7 +237,7 @@ fn mottled(scene: &mut Builder, medium: Option<MediumId>) {
     let mut rng = Rng::new(7);
     let values =
         (0..8 * 9 * 10).map(|_| 1.5 - Vec3::new(rng.next_1d(), rng.next_1d(), rng.next_1d())).collect();
-    let scattering = Some(Grid { size: [8, 9, 10], values });
+    let scattering = Some(Grid::dense([8, 9, 10], values));
     let from_world = Affine3A::from_translation(Vec3::splat(0.5)) * Affine3A::from_scale(Vec3::splat(0.4));
     let density = Density::Colors { absorption: None, scattering };
     let medium = &mut scene.0.media[medium.expect("a medium").0 as usize];
@@ -283,7 +283,7 @@ fn even_grids_look_like_homogeneous_media() {
             // Wide enough for its rim to lie outside.
             let from_world =
                 Affine3A::from_translation(Vec3::splat(0.5)) * Affine3A::from_scale(Vec3::splat(0.1));
-            let density = Density::Grid(Grid { size: [8; 3], values: vec![1.0; 512] });
+            let density = Density::Grid(Grid::dense([8; 3], vec![1.0; 512]));
             scene.0.media[0].variation = Some(Arc::new(Variation { from_world, density, glow: None }));
         }
         let (lamp, border) = (scene.diffuse(0.0, 4.0), scene.interface());
@@ -321,7 +321,7 @@ fn unsound_media_are_refused() {
     assert!(refusal(&|s| s.0.media[0].scattering.y = -1.0).contains("scattering is"));
     assert!(refusal(&|s| s.0.media[0].emission.y = f32::NAN).contains("emission is"));
     let even = |size: [u32; 3]| {
-        let density = Density::Grid(Grid { size, values: vec![1.0; 8] });
+        let density = Density::Grid(Grid::dense(size, vec![1.0; 8]));
         Some(Arc::new(Variation { from_world: Affine3A::IDENTITY, density, glow: None }))
     };
     let message = refusal(&|s| s.0.media[0].variation = even([2, 2, 3]));

@@ -12,7 +12,7 @@ fn variation(seed: u64, size: [u32; 3]) -> Variation {
     let mut rng = Rng::new(seed);
     let values = (0..size.iter().product()).map(|_| (3.0 * rng.next_1d() - 1.0).max(0.0)).collect();
     let from_world = Affine3A::from_translation(Vec3::splat(0.5)) * Affine3A::from_scale(Vec3::splat(0.5));
-    Variation { from_world, density: Density::Grid(Grid { size, values }), glow: None }
+    Variation { from_world, density: Density::Grid(Grid::dense(size, values)), glow: None }
 }
 
 fn medium(absorption: Vec3, scattering: Vec3, variation: Variation) -> (Medium, Field) {
@@ -220,7 +220,7 @@ fn majorants_are_never_exceeded() {
     let colors = |seed: u64| {
         let mut rng = Rng::new(seed);
         let values = (0..7 * 5 * 6).map(|_| Vec3::new(rng.next_1d(), rng.next_1d(), rng.next_1d())).collect();
-        Grid { size: [7, 5, 6], values }
+        Grid::dense([7, 5, 6], values)
     };
     let to_cloud = Affine3A::IDENTITY;
     let densities = [
@@ -249,11 +249,44 @@ fn majorants_are_never_exceeded() {
 fn hot_places_glow_in_the_colour_of_their_heat() {
     let colors: Arc<[Vec3]> = Arc::from([Vec3::ZERO, Vec3::X, Vec3::new(1.0, 2.0, 0.0)]);
     for (kelvin, expected) in [(0.0, Vec3::ZERO), (250.0, 0.5 * Vec3::X), (750.0, Vec3::new(1.0, 1.0, 0.0))] {
-        let temperature = Grid { size: [2, 1, 1], values: vec![kelvin; 2] };
-        let scale = Some(Grid { size: [1, 1, 1], values: vec![2.0] });
+        let temperature = Grid::dense([2, 1, 1], vec![kelvin; 2]);
+        let scale = Some(Grid::dense([1, 1, 1], vec![2.0]));
         let glow = Glow::Heat { temperature, scale, colors: Arc::clone(&colors), hottest: 1000.0 };
         let (_, field) =
             medium(ABSORPTION, SCATTERING, Variation { glow: Some(glow), ..variation(0, [1; 3]) });
         assert!((field.glow(Vec3::splat(0.5)) - 2.0 * expected).length() < 1e-5, "{kelvin}");
     }
+}
+
+/// A grid in bricks is the grid that has all its values, and majorants are the same.
+#[test]
+fn bricks_are_but_another_way_to_store_a_grid() {
+    let size = [17, 9, 20];
+    let mut rng = Rng::new(5);
+    // Blocks 0, 3, 6, ... are empty, and blocks 1 and 2 share their brick.
+    let blocks = size.map(|n: u32| n.div_ceil(8));
+    let count = blocks.iter().product::<u32>();
+    let brick = |block: u32| match block {
+        _ if block % 3 == 0 => Grid::<f32>::NOTHING,
+        2 => 0,
+        _ => block - 1 - (block - 1) / 3 - u32::from(block > 2),
+    };
+    let bricks: Vec<u32> = (0..count).map(brick).collect();
+    let stored = bricks.iter().filter(|&&b| b != Grid::<f32>::NOTHING).max().expect("bricks") + 1;
+    let mut values: Vec<f32> = (0..stored * 512).map(|_| rng.next_1d()).collect();
+    values[512..1024].fill(0.25);
+    let sparse = Grid { size, values, bricks: Some(bricks) };
+    let all = (0..size[2]).flat_map(|z| (0..size[1]).flat_map(move |y| (0..size[0]).map(move |x| [x, y, z])));
+    let dense = Grid::dense(size, all.map(|at| sparse.value(at)).collect());
+    assert!(dense.values.contains(&0.0) && dense.value([8, 0, 0]) == dense.value([16, 0, 0]));
+    for _ in 0..1000 {
+        let p = Vec3::new(rng.next_1d(), rng.next_1d(), rng.next_1d());
+        assert_eq!(sparse.at(p), dense.at(p));
+    }
+    let part = [[0.1, 0.4], [0.5, 0.8], [0.0, 0.3]];
+    let uniform = sparse.uniform_bricks();
+    let ((most, mean), (dense_most, dense_mean)) =
+        (sparse.over(part, &uniform, 0.0, f32::max), dense.over(part, &[], 0.0, f32::max));
+    // Sums in another order.
+    assert!(most == dense_most && (mean - dense_mean).abs() < 1e-5, "{mean} and {dense_mean}");
 }

@@ -13,13 +13,14 @@ use quietus_trace::view::View;
 pub type Reader = fn(&[u8]);
 
 /// Each reader with the name of its target and of its corpus.
-pub const READERS: [(&str, Reader); 6] = [
+pub const READERS: [(&str, Reader); 7] = [
     ("gltf", gltf),
     ("pbrt", pbrt),
     ("ply", ply),
     ("image", image),
     ("tga", tga),
     ("environment", environment),
+    ("nanovdb", nanovdb),
 ];
 
 /// Larger scenes are read but not built: the fuzzer is to try many small ones.
@@ -67,6 +68,11 @@ pub fn tga(bytes: &[u8]) {
 /// Any bytes as an environment map.
 pub fn environment(bytes: &[u8]) {
     accept(quietus_scene::load_environment_bytes(path("environment"), bytes));
+}
+
+/// Any bytes as a file of NanoVDB.
+pub fn nanovdb(bytes: &[u8]) {
+    accept(quietus_scene::read_nanovdb_bytes(path("nanovdb"), bytes));
 }
 
 /// Errors say what is wrong.

@@ -649,3 +649,39 @@ fn light_wanders_below_what_is_named_measured_or_coloured() {
     assert!(reflectance.texture.is_some() && close(mean_free_path.factor, Vec3::new(0.5, 1.0, 2.0)));
     assert_eq!((s.ior, s.g), (1.5, 0.5));
 }
+
+/// The fuzzer's seeds are good for this, too: densities and temperatures in one file, where the file says they lie.
+#[test]
+fn media_of_nanovdb_lie_where_their_file_says() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/nanovdb");
+    let medium = |name: &str, more: &str| {
+        let text = format!(
+            "WorldBegin Translate 1 0 0 MakeNamedMedium \"a\" \"string type\" \"nanovdb\" {more}\
+             \"string filename\" \"{name}\" \"rgb sigma_s\" [1 2 3] \"rgb sigma_a\" [0 0 0] \"float scale\" 2"
+        );
+        load_bytes(&folder.join("scene.pbrt"), text.as_bytes()).map(|loaded| loaded.scene.media[0].clone())
+    };
+    let fog = medium("zip.nvdb", "").expect("sound");
+    assert!(close(fog.scattering, Vec3::new(2.0, 4.0, 6.0)) && fog.absorption == Vec3::ZERO);
+    let variation = fog.variation.expect("it varies");
+    let Density::Grid(grid) = &variation.density else { panic!("{:?}", variation.density) };
+    // One leaf from 0, 0, 0 on, and what surrounds it.
+    assert_eq!((grid.blocks(), grid.values.len()), ([3; 3], 512));
+    assert!(variation.glow.is_none());
+    // Voxels are half a unit wide, and the medium is moved by one.
+    let middle_of_voxel = |x: f32| variation.from_world.transform_point3(Vec3::new(1.0 + 0.5 * x, 0.0, 0.0));
+    assert!(close(24.0 * middle_of_voxel(3.0), Vec3::new(11.5, 8.5, 8.5)), "{}", middle_of_voxel(3.0));
+
+    // Temperatures lie elsewhere than densities.
+    let fire =
+        medium("two-grids.nvdb", "\"float LeScale\" 3 \"float temperaturescale\" 4000").expect("sound");
+    assert_eq!(fire.emission, Vec3::splat(3.0));
+    let error = medium("two-segments.nvdb", "\"rgb Le\" [1 1 1]").expect_err("Le is not for these");
+    assert!(error.message().contains("\"Le\""), "{error}");
+    for (name, words) in
+        [("blosc.nvdb", "BLOSC"), ("vectors.nvdb", "32-bit floats"), ("no.nvdb", "no such file")]
+    {
+        let error = medium(name, "").expect_err(name);
+        assert!(error.to_string().contains(words) && error.to_string().contains(name), "{error}");
+    }
+}

@@ -310,17 +310,13 @@ impl Entry<'_> {
             let message = format!("holds values of type {kind}, of which only 32-bit floats (1) are read");
             return Err(self.refuse(message));
         }
-        let [mut matrix, mut offset] = [[0.0; 9], [0.0; 9]];
-        for i in 0..9 {
-            matrix[i] = bytes.f64(296 + 88 + 8 * i)?;
-        }
-        for (i, offset) in offset.iter_mut().take(3).enumerate() {
-            *offset = bytes.f64(296 + 232 + 8 * i)?;
-        }
+        // Of the affine map, in doubles: the matrix, its inverse, the translation.
+        let number = |i: usize| bytes.f64(296 + 88 + 8 * i);
+        let row = |i: usize| Ok::<_, SceneError>(DVec3::new(number(i)?, number(i + 1)?, number(i + 2)?));
         let map = DAffine3 {
             // Rows in the file, columns here.
-            matrix3: DMat3::from_cols_array(&matrix).transpose(),
-            translation: DVec3::new(offset[0], offset[1], offset[2]),
+            matrix3: DMat3::from_cols(row(0)?, row(3)?, row(6)?).transpose(),
+            translation: row(18)?,
         };
         let tree = tree::read(bytes, HEADER)?;
         let to_space = map * DAffine3::from_translation(tree.origin.as_dvec3());

@@ -10,12 +10,15 @@ use super::*;
 /// A grid to be written: leaves at their first cells, with values by cell; and tiles of 128^3 cells.
 struct Sketch {
     name: &'static str,
-    leaves: Vec<(IVec3, fn(IVec3) -> f32)>,
+    leaves: Vec<(IVec3, Values)>,
     tiles: Vec<(IVec3, f32)>,
     /// The outermost cells.
     bounds: [IVec3; 2],
     scale: f64,
 }
+
+/// Values by cell.
+type Values = fn(IVec3) -> f32;
 
 /// Bytes that are written at their places.
 #[derive(Default)]
@@ -158,7 +161,7 @@ fn density() -> Sketch {
             (IVec3::new(130, 0, 0), value),
         ]
         .into_iter()
-        .map(|(p, value)| (p >> 3 << 3, value as fn(IVec3) -> f32))
+        .map(|(p, value)| (p >> 3 << 3, value as Values))
         .collect(),
         tiles: vec![(IVec3::new(0, 128, 0), 0.75)],
         bounds: [IVec3::new(-8, 0, -16), IVec3::new(135, 140, 7)],
@@ -168,7 +171,7 @@ fn density() -> Sketch {
 
 fn temperature() -> Sketch {
     let hot = |p: IVec3| -> f32 { if p.x == 3 { -1.0 } else { 1000.0 } };
-    let leaves = vec![(IVec3::new(0, 8, 0), hot as fn(IVec3) -> f32)];
+    let leaves = vec![(IVec3::new(0, 8, 0), hot as Values)];
     let bounds = [IVec3::new(0, 8, 0), IVec3::new(7, 15, 7)];
     Sketch { name: "temperature", leaves, tiles: vec![], bounds, scale: 0.5 }
 }

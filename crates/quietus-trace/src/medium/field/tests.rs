@@ -267,7 +267,7 @@ fn bricks_are_but_another_way_to_store_a_grid() {
     let blocks = size.map(|n: u32| n.div_ceil(8));
     let count = blocks.iter().product::<u32>();
     let brick = |block: u32| match block {
-        _ if block % 3 == 0 => Grid::<f32>::NOTHING,
+        _ if block.is_multiple_of(3) => Grid::<f32>::NOTHING,
         2 => 0,
         _ => block - 1 - (block - 1) / 3 - u32::from(block > 2),
     };

@@ -98,6 +98,10 @@ impl<'a> Materials<'a> {
                 json!({"type": "blendbsdf", "weight": self.scalar(amount)?, "first": first, "second": second})
             }
             Surface::Interface => json!({"type": "null"}),
+            Surface::Subsurface(_) => {
+                self.note("what light wanders below is drawn diffuse");
+                two_sided(json!({"type": "diffuse", "reflectance": rgb(Vec3::splat(0.5))}))
+            }
             Surface::Hair(_) => {
                 self.note("hair is drawn diffuse");
                 two_sided(json!({"type": "diffuse", "reflectance": rgb(Vec3::splat(0.3))}))

@@ -232,7 +232,7 @@ impl Dealt {
         let (grid, settings) = (sampling.grid(), sampling.settings());
         let is_dealt = settings.policy != Policy::Uniform;
         let counts = settings.pass_counts();
-        let least = counts.after(counts.min_passes());
+        let least = counts.least();
         if is_dealt && (0..grid.tiles()).any(|tile| sampling.quotas(tile).is_none()) {
             return None;
         }

@@ -284,7 +284,8 @@ impl<'a, T: Tracer> Rounds<'a, T> {
             self.outlook.begin(aim.factor_left, self.steering.square(), &sampling);
             sampling = observed(AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?);
         };
-        if stopped_by == StoppedBy::TimeLimit && self.steering.has_rounds() {
+        // Before pixels have their minimum there is hardly time, and nothing that says where to measure.
+        if stopped_by == StoppedBy::TimeLimit && self.steering.has_rounds() && !self.is_too_early(&sampling) {
             self.measure_in_time(&sampling, control)?;
         }
         let (noise, bound) = (self.steering.reported(), self.steering.bound());
@@ -415,7 +416,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         let max_samples = if self.settings.sampling == Sampling::Uniform { aim.samples } else { max_samples };
         let machinery = Machinery { lag: aim.lag, ..self.settings.machinery };
         let limited = RenderSettings { max_samples, machinery, ..self.settings.clone() };
-        limited.library(REPLICATES as u32, aim.target_error)
+        quietus::Settings { approach: aim.approach, ..limited.library(REPLICATES as u32, aim.target_error) }
     }
 
     fn copied(&self) -> Copied {
@@ -454,6 +455,8 @@ impl<'a, T: Tracer> Rounds<'a, T> {
     ) -> Result<Option<StoppedBy>, RenderError> {
         let mut stopped_by = None;
         let clock = self.clock(control);
+        // A first round has no quotas that another one could go by.
+        let may_be_cut = self.steering.has_rounds() && !begun.aim.is_last && !self.is_too_early(sampling);
         let kept = Kept {
             film: &self.film,
             counters: &self.counters,
@@ -461,7 +464,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
             max_samples: self.settings.max_samples,
         };
         let (estimator, counters, film) = (&mut self.estimator, &self.counters, &self.film);
-        let round_end = clock.left().filter(|_| self.steering.has_rounds() && !begun.aim.is_last);
+        let round_end = clock.left().filter(|_| may_be_cut);
         let round_end = round_end.map(|left| clock.elapsed() + left.mul_f64(LONGEST_ROUND));
         let (outlook, measured) = (&mut self.outlook, self.measured);
         let (steering, settings, noise) = (&self.steering, self.settings, self.steering.progress());

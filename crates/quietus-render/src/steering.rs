@@ -12,7 +12,7 @@
 
 use std::time::Duration;
 
-use quietus::AdaptiveSampling;
+use quietus::{AdaptiveSampling, Approach};
 use serde::{Deserialize, Serialize};
 
 use crate::forecast::{Ahead, Forecast, Past, even};
@@ -65,6 +65,8 @@ pub(crate) struct Aim {
     pub(crate) samples: u32,
     /// Passes that trees lag behind.
     pub(crate) lag: u32,
+    /// How pixels come to their minimum.
+    pub(crate) approach: Approach,
     /// Whether this should be where it ends.
     pub(crate) is_last: bool,
     /// What quotas will be multiplied by in the rounds that follow.
@@ -149,26 +151,19 @@ impl Steering {
     /// What the first round aims at.
     pub(crate) fn first(&self) -> Aim {
         let RenderSettings { goal, min_samples, max_samples, .. } = self.settings;
+        let (target_error, samples, is_last) = match goal {
+            Goal::TargetError(target_error) => (target_error, max_samples, true),
+            Goal::Limits if !self.has_rounds() => (ALL_TO_MAXIMUM, max_samples, true),
+            Goal::Noise(_) | Goal::Limits => (FIRST_TARGET, min_samples.max(1), false),
+        };
         let lag = self.settings.machinery.lag;
-        match goal {
-            Goal::TargetError(target_error) => {
-                Aim { target_error, samples: max_samples, lag, is_last: true, factor_left: 1.0 }
-            }
-            Goal::Limits if !self.has_rounds() => Aim {
-                target_error: ALL_TO_MAXIMUM,
-                samples: max_samples,
-                lag,
-                is_last: true,
-                factor_left: 1.0,
-            },
-            Goal::Noise(_) | Goal::Limits => Aim {
-                target_error: FIRST_TARGET,
-                samples: min_samples.max(1),
-                lag,
-                is_last: false,
-                factor_left: 1.0,
-            },
-        }
+        Aim { target_error, samples, lag, approach: self.approach(), is_last, factor_left: 1.0 }
+    }
+
+    /// How pixels come to their minimum: where time may end a render before they have it, so that it shows nowhere.
+    fn approach(&self) -> Approach {
+        let may_end_anywhere = self.settings.time_limit.is_some() && self.settings.sampling.can_forecast();
+        if may_end_anywhere { Approach::Spread } else { Approach::Whole }
     }
 
     /// Whether there may be more than one round.
@@ -298,6 +293,7 @@ impl Steering {
             samples: even(f64::from(aim.samples) * next.factor),
             // Every step of a lag is one further than asked for: too far for the end.
             lag: if is_last && self.asked().is_some() { 1 } else { self.settings.machinery.lag },
+            approach: self.approach(),
             is_last,
             factor_left: (goal.factor / next.factor).max(1.0),
         })

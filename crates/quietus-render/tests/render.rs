@@ -231,6 +231,43 @@ fn time_limit_and_cancelling_end_an_endless_render() {
     assert_eq!(rendered.stopped_by, StoppedBy::Cancelled);
 }
 
+/// Time that is up long before every pixel has its minimum leaves no edge: no part of the picture has more samples.
+#[test]
+fn time_that_ends_in_the_first_round_leaves_the_same_samples_everywhere() {
+    let slow = Func(|run: &PixelWork, index: u32| {
+        std::thread::sleep(Duration::from_micros(20));
+        noise(run, index)
+    });
+    for sampling in [Sampling::Quietus, Sampling::Uniform] {
+        let limit = Some(Duration::from_millis(400));
+        let goal = Goal::Limits;
+        let settings = RenderSettings {
+            time_limit: limit,
+            goal,
+            min_samples: 64,
+            max_samples: 1 << 20,
+            ..settings(64, 64, sampling)
+        };
+        let rendered = draw(&slow, &settings).unwrap();
+        assert_eq!(rendered.stopped_by, StoppedBy::TimeLimit);
+        let counts = rendered.film.sample_counts();
+        let (least, most) = (counts.iter().min().unwrap(), counts.iter().max().unwrap());
+        assert!(*most < 64, "{sampling:?}: the machine is too fast for this test");
+        // A step is an eighth of the samples there are, and at least two.
+        let step = 2 * (most / 16).max(1);
+        assert!(most - least <= step, "{sampling:?}: {least} to {most}");
+        let quarter = |x0: usize, y0: usize| {
+            let row = |y: usize| &counts[64 * (y0 + y) + x0..][..32];
+            (0..32).flat_map(row).sum::<u32>() as f64 / 1024.0
+        };
+        let quarters = [quarter(0, 0), quarter(32, 0), quarter(0, 32), quarter(32, 32)];
+        let mean = quarters.iter().sum::<f64>() / 4.0;
+        // One pixel in four has a step more.
+        let uneven = 0.25 * f64::from(step);
+        assert!(quarters.iter().all(|q| (q - mean).abs() <= uneven), "{sampling:?}: {quarters:?}");
+    }
+}
+
 #[test]
 fn awkward_sizes_finish() {
     for (width, height) in [(1, 1), (7, 3), (8, 8), (9, 17), (257, 1)] {

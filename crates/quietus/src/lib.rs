@@ -101,6 +101,7 @@ mod quadrants;
 mod region_error;
 pub mod region_tree;
 mod sample_counts;
+mod spread;
 pub mod striped_locks;
 pub mod summed_area;
 mod sync;
@@ -113,7 +114,7 @@ pub use coordinator::{
 };
 pub use error_metric::{DammertzMetric, ErrorMetric, PixelError, ReplicateMean, SampleNoise};
 pub use error_plane::ErrorPlane;
-pub use pass_schedule::{PassCounts, PassSchedule, replicate_share};
+pub use pass_schedule::{Approach, PassCounts, PassSchedule, replicate_share};
 pub use pixel_rect::{Area, Axis, PixelRect};
 pub use policy::{Policy, Rebuild, RuleMemory};
 pub use protocol::{Misfit, Mode, Outcome, Standing};

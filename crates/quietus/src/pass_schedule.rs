@@ -1,5 +1,8 @@
 //! Progressive passes whose size grows (the talk, section 4.1).
 
+/// Passes in which an [`Approach::Spread`] draws every pixel once: the pixels of a square.
+pub(crate) const SQUARE: u32 = 4;
+
 /// How many samples a pass adds to each active pixel.
 ///
 /// Early passes are short, so that the picture and its errors are seen soon; later ones grow, so that checks and
@@ -58,6 +61,22 @@ pub struct PassCounts {
     pub max_samples: u32,
     /// How many passes the tree that is consulted lags behind.
     pub lag: u32,
+    /// How pixels come to their minimum.
+    pub approach: Approach,
+}
+
+/// How pixels come to the minimum of samples, before anything is known of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Approach {
+    /// Each pass draws all of them, as the schedule of passes says (the talk, section 4.1).
+    #[default]
+    Whole,
+    /// Each pass draws one pixel of every square of 2x2, and few samples of it. So a picture that is stopped at any moment
+    /// has about the same number of samples everywhere, where whole passes leave the tiles they have reached with up to three
+    /// times as many as the others. For [`Policy::Quietus`](crate::Policy::Quietus) and
+    /// [`Policy::Uniform`](crate::Policy::Uniform).
+    Spread,
 }
 
 impl PassCounts {
@@ -75,8 +94,13 @@ impl PassCounts {
 
     /// What a pixel of `count` samples has after a visit that draws it, if it goes by its own count instead of by the
     /// pass: the next count that a pixel drawn by every pass would have, but at least a quarter more. A pixel opened
-    /// again late goes on in small steps, and one that needs thousands of samples gets there in few passes.
+    /// again late goes on in small steps, and one that needs thousands of samples gets there in few passes. Below the minimum
+    /// an [`Approach::Spread`] has steps of an eighth, and at least a sample of each replicate.
     pub fn next(&self, count: u32) -> u32 {
+        if self.approach == Approach::Spread && count < self.min_samples {
+            let more = (count / 8).div_ceil(self.replicates).max(1).saturating_mul(self.replicates);
+            return count.saturating_add(more).min(self.max_samples);
+        }
         let (mut next, mut pass) = (0, 0);
         while next <= count && next < self.max_samples {
             (next, pass) = (self.grown(next, pass), pass + 1);
@@ -86,13 +110,30 @@ impl PassCounts {
         next.max(quarter_more).min(self.max_samples)
     }
 
-    /// What a pixel has that each of the first `passes` passes has drawn.
+    /// What a pixel has that each of the first `passes` passes has drawn, in whole passes.
     pub fn after(&self, passes: u64) -> u32 {
         (0..passes).fold(0, |count, pass| self.grown(count, pass))
     }
 
+    /// What every pixel has at least after its minimum of passes.
+    pub fn least(&self) -> u32 {
+        match self.approach {
+            Approach::Whole => self.after(self.min_passes()),
+            Approach::Spread => self.steps_to_minimum().last().unwrap_or(0),
+        }
+    }
+
+    /// The counts by which an [`Approach::Spread`] leads to the minimum, or beyond: from 0 on.
+    pub(crate) fn steps_to_minimum(&self) -> impl Iterator<Item = u32> {
+        let (counts, least) = (*self, self.min_samples.max(1).min(self.max_samples));
+        std::iter::successors(Some(0), move |&count| (count < least).then(|| counts.next(count)))
+    }
+
     /// Passes that bring every pixel to its minimum. Trees say nothing before: all pixels are drawn alike.
     pub fn min_passes(&self) -> u64 {
+        if self.approach == Approach::Spread {
+            return u64::from(SQUARE) * (self.steps_to_minimum().count() as u64 - 1);
+        }
         let mut samples = 0u32;
         let mut passes = 0;
         while samples < self.min_samples.max(1) {
@@ -123,7 +164,14 @@ mod tests {
     #[test]
     fn counts_grow_at_their_own_pace() {
         let (schedule, replicates) = (PassSchedule::TALK, 2);
-        let counts = PassCounts { schedule, replicates, min_samples: 16, max_samples: 4000, lag: 2 };
+        let counts = PassCounts {
+            schedule,
+            replicates,
+            min_samples: 16,
+            max_samples: 4000,
+            lag: 2,
+            approach: Approach::Whole,
+        };
         // As every pass does, also from a count between.
         assert_eq!([0, 2, 6, 12, 20, 30, 42].map(|n| counts.next(n)), [2, 6, 12, 20, 30, 42, 56]);
         assert_eq!([1, 13, 19].map(|n| counts.next(n)), [2, 20, 24]);
@@ -131,6 +179,28 @@ mod tests {
         assert_eq!([110, 1000, 3600, 4000].map(|n| counts.next(n)), [138, 1250, 4000, 4000]);
         let most = PassCounts { max_samples: u32::MAX, ..counts };
         assert_eq!(most.next(u32::MAX - 5), u32::MAX);
+    }
+
+    #[test]
+    fn spread_steps_are_small() {
+        let whole = PassCounts {
+            schedule: PassSchedule::TALK,
+            replicates: 2,
+            min_samples: 16,
+            max_samples: 4000,
+            lag: 2,
+            approach: Approach::Whole,
+        };
+        let spread = PassCounts { approach: Approach::Spread, ..whole };
+        assert_eq!((whole.least(), whole.min_passes()), (20, 4));
+        assert_eq!((spread.least(), spread.min_passes()), (16, 8 * 4));
+        assert!(spread.steps_to_minimum().eq((0..=16).step_by(2)));
+        // From the minimum on as ever.
+        assert_eq!([16, 20].map(|n| spread.next(n)), [20, 30]);
+        let far = PassCounts { min_samples: 4000, ..spread };
+        assert_eq!([16, 32, 1000, 3900].map(|n| far.next(n)), [18, 36, 1126, 4000]);
+        let odd = PassCounts { min_samples: 1, max_samples: 1, ..spread };
+        assert_eq!((odd.least(), odd.min_passes()), (1, 4));
     }
 
     #[test]

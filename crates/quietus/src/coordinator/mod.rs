@@ -30,6 +30,7 @@ use crate::{
     policy::{Policy, RuleSettings},
     protocol::{Mode, Outcome, Protocol},
     sample_counts::SampleCounts,
+    spread::Spread,
     sync::Ordering,
 };
 use checks::TreeChecks;
@@ -53,6 +54,8 @@ pub struct AdaptiveSampling {
     untreed_passes: u64,
     /// The pass whose size the first one has.
     first_pass: u64,
+    /// Which pixels each pass draws until all have their minimum; `None` where it draws all of them.
+    spread: Option<Spread>,
     /// Whether it goes on from pixels below the minimum of samples.
     lacks_minimum: bool,
     observer: Option<Observer>,
@@ -104,6 +107,7 @@ impl AdaptiveSampling {
         let states: Vec<_> =
             (0..).zip(rules).map(|(r, rule)| Region::new(&regions, r, rule, is_updated)).collect();
         let progress = states.iter().map(Region::progress).collect();
+        let spread = Spread::of(&settings.pass_counts());
         let finish = match settings.mode {
             Mode::Deterministic { lag } => FinishRule::QuietPasses(PassLedger::new(regions.len(), lag)),
             Mode::FreeRunning => FinishRule::AtRest(Box::new(Quiescence::new(regions.len()))),
@@ -120,7 +124,12 @@ impl AdaptiveSampling {
             counters: Counters::default(),
             progress,
             untreed_passes: untreed_passes(&settings),
-            first_pass: start.map_or(0, |start| start.passes(&settings.pass_counts())),
+            first_pass: match (start, &spread) {
+                (None, _) => 0,
+                (Some(start), None) => start.passes(&settings.pass_counts()),
+                (Some(start), Some(spread)) => spread.first_pass(&grid, &start.samples),
+            },
+            spread,
             observer: None,
             lacks_minimum: start.is_some_and(|start| start.is_below(settings.min_samples, &grid)),
             regions,
@@ -285,11 +294,25 @@ impl AdaptiveSampling {
             .fold(0, |below, pixel| below | 1 << pixel)
     }
 
+    /// Those of `mask` that it is the turn of, where pixels take turns.
+    fn due(&self, tile: u32, pass: u64, mask: u64) -> u64 {
+        let Some(spread) = &self.spread else { return mask };
+        pixels(mask)
+            .filter(|&pixel| spread.is_due(pixel, self.counts.pixel(tile, pixel), self.first_pass + pass))
+            .fold(0, |due, pixel| due | 1 << pixel)
+    }
+
+    /// Whether pixels are still taking turns in a pass, so that one that draws nothing says nothing.
+    fn is_spreading(&self, pass: u64) -> bool {
+        self.spread.as_ref().is_some_and(|spread| self.first_pass + pass < spread.passes())
+    }
+
     /// What a pixel of `count` samples is to have after pass `pass`, over all replicates.
     fn target_count(&self, count: u32, pass: u64) -> u32 {
         let counts = self.settings.pass_counts();
         match self.settings.policy {
             Policy::Quietus => counts.next(count),
+            _ if self.spread.is_some() => counts.next(count),
             _ => counts.grown(count, self.first_pass + pass),
         }
     }

@@ -138,7 +138,9 @@ impl AdaptiveSampling {
             self.repeat(index, generation, state);
         }
         let finished = match (&self.finish, version) {
-            (FinishRule::QuietPasses(ledger), _) => ledger.region_finished(generation, drew),
+            (FinishRule::QuietPasses(ledger), _) => {
+                ledger.region_finished(generation, drew || self.is_spreading(generation))
+            }
             (FinishRule::AtRest(rest), Some(version)) if !self.can_draw(state) => {
                 rest.region_is_quiet(index, version)
             }

@@ -2,7 +2,9 @@
 
 use std::fmt;
 
-use crate::{PassCounts, PassSchedule, PixelRect, Policy, TileGrid, policy::Rebuild, protocol::Mode};
+use crate::{
+    Approach, PassCounts, PassSchedule, PixelRect, Policy, TileGrid, policy::Rebuild, protocol::Mode,
+};
 
 /// How a tile is checked against its region's tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -40,6 +42,8 @@ pub struct Settings {
     pub schedule: PassSchedule,
     /// Independent estimates per pixel, 1..=255: 2 (Dammertz' two halves) by default. The error needs two.
     pub replicates: u32,
+    /// How pixels come to their minimum: [`Approach::Whole`] by default.
+    pub approach: Approach,
     /// Locks per region for [`Checks::StripedLocks`], a power of two: 64 by default. From 8 on, neighbouring
     /// tiles use different ones.
     pub stripes: u32,
@@ -69,6 +73,7 @@ impl Settings {
             max_samples: 4096,
             schedule: PassSchedule::default(),
             replicates: 2,
+            approach: Approach::default(),
             stripes: 64,
             mode: Mode::default(),
             checks: Checks::default(),
@@ -94,6 +99,7 @@ impl Settings {
             min_samples: self.min_samples,
             max_samples: self.max_samples,
             lag: self.mode.slots(),
+            approach: self.approach,
         }
     }
 
@@ -121,7 +127,9 @@ impl Settings {
         let lag_ok = !matches!(self.mode, Mode::Deterministic { lag } if !(1..=2).contains(&lag));
         check(lag_ok, E::Lag(self.mode.slots()))?;
         let ordered = matches!(self.mode, Mode::Deterministic { .. });
-        check(ordered || self.policy != Policy::Unbiased, E::NoOrder(self.policy))
+        check(ordered || self.policy != Policy::Unbiased, E::NoOrder(self.policy))?;
+        let spreads = matches!(self.policy, Policy::Quietus | Policy::Uniform);
+        check(spreads || self.approach == Approach::Whole, E::NoSpread(self.policy))
     }
 }
 
@@ -168,6 +176,8 @@ pub enum SettingsError {
     Lag(u32),
     /// A policy that must know how many samples each error is made of runs free.
     NoOrder(Policy),
+    /// A policy whose pixels go by the size of passes was to spread their first samples.
+    NoSpread(Policy),
     /// A policy that decides but once was to go on from an earlier sampling.
     NoStart(Policy),
     /// A start is of another window.
@@ -206,6 +216,10 @@ impl fmt::Display for SettingsError {
                 f,
                 "the policy {policy:?} needs errors of known numbers of samples, which only the deterministic mode \
                  has"
+            ),
+            Self::NoSpread(policy) => write!(
+                f,
+                "the policy {policy:?} goes by whole passes: only Quietus and Uniform can spread first samples"
             ),
             Self::NoStart(policy) => write!(
                 f,

@@ -14,7 +14,7 @@ use std::{
 mod state;
 
 use super::*;
-use crate::{PassSchedule, PixelRect, Policy, Rebuild, protocol::Fault};
+use crate::{Approach, PassSchedule, PixelRect, Policy, Rebuild, protocol::Fault};
 
 /// What a run leaves behind: counts, errors and masks of every tile, and what was drawn in which pass.
 #[derive(Debug, PartialEq, Eq)]
@@ -518,4 +518,58 @@ fn a_start_that_does_not_fit_is_refused_with_a_reason() {
     );
     let unbiased = Settings { policy: Policy::Unbiased, ..settings(64, 48) };
     assert!(refused(unbiased).contains("Unbiased decides but once"));
+}
+
+/// Counts of all pixels of the window.
+fn all_counts(sampling: &AdaptiveSampling) -> Vec<u32> {
+    let tile = |tile| pixels(sampling.grid().full_mask(tile)).map(move |p| sampling.counts().pixel(tile, p));
+    (0..sampling.grid().tiles()).flat_map(tile).collect()
+}
+
+#[test]
+fn spread_samples_are_even_wherever_they_are_stopped() {
+    for policy in [Policy::Quietus, Policy::Uniform] {
+        let settings = Settings { policy, approach: Approach::Spread, max_samples: 100, ..settings(61, 44) };
+        let settings =
+            if policy == Policy::Uniform { Settings { min_samples: 100, ..settings } } else { settings };
+        let (_, alone) = run(&settings, 1, |_| ());
+        let (_, together) = run(&settings, 4, sleepy(7));
+        assert!(together == alone, "{policy:?}");
+        // Stopped in the middle of a pass; then on from there, to be stopped again.
+        let mut start: Option<Start> = None;
+        for _ in 0..3 {
+            let sampling = match &start {
+                None => AdaptiveSampling::new(settings.clone()),
+                Some(start) => AdaptiveSampling::resumed(settings.clone(), start),
+            };
+            let (sampling, visits) = (sampling.unwrap(), AtomicU32::new(0));
+            draw(&sampling, 3, |_| {
+                if visits.fetch_add(1, SeqCst) == 300 {
+                    sampling.stop();
+                }
+            });
+            let counts = all_counts(&sampling);
+            let (least, most) = (counts.iter().min().unwrap(), counts.iter().max().unwrap());
+            assert!(most - least <= 2, "{policy:?}: {least} to {most}");
+            let mean = |of: &[u32]| f64::from(of.iter().sum::<u32>()) / of.len() as f64;
+            let (first, last) = counts.split_at(counts.len() / 4);
+            // One pixel in four has another step of two; tiles at the rim may have a few more or less.
+            assert!(
+                (mean(first) - mean(last)).abs() < 0.55,
+                "{policy:?}: {} and {}",
+                mean(first),
+                mean(last)
+            );
+            start = Some(Start::of(&sampling));
+        }
+    }
+}
+
+#[test]
+fn the_smallest_pictures_come_to_their_minimum_in_turns() {
+    for (width, height) in [(1, 1), (3, 2), (9, 1)] {
+        let settings = Settings { approach: Approach::Spread, ..settings(width, height) };
+        let (sampling, _) = run(&settings, 2, |_| ());
+        assert!(all_counts(&sampling).iter().all(|&count| count >= 16), "{width}x{height}");
+    }
 }

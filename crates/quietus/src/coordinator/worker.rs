@@ -60,7 +60,7 @@ impl AdaptiveSampling {
     fn pixels_to_draw(&self, Turn { tile, pass }: Turn) -> u64 {
         match self.check(tile, pass) {
             0 => 0,
-            mask => self.below_maximum(tile, mask),
+            mask => self.due(tile, pass, self.below_maximum(tile, mask)),
         }
     }
 

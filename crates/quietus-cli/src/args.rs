@@ -142,8 +142,9 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "NAME")]
     pub variant: Option<String>,
 
-    /// Light the scene with this lat-long map (.hdr, .exr) instead of its own surroundings.
-    #[arg(long, value_name = "FILE")]
+    /// Light the scene with this lat-long map (.hdr, .exr) instead of its own surroundings, or by `even`, a sky that is
+    /// the same on all sides.
+    #[arg(long, value_name = "FILE|even")]
     pub env: Option<PathBuf>,
 
     /// Draw frame N of an animation: the moment N / FPS seconds after its beginning.

@@ -1,6 +1,7 @@
 //! What is drawn: the built-in scene, or a file that stays open while its frames are drawn.
 
 use std::collections::HashSet;
+use std::path::Path;
 
 use quietus_scene::{Loaded, SceneFile};
 use quietus_trace::desc::{Environment, SceneDesc};
@@ -46,7 +47,10 @@ impl Source {
             }
             (Some(timeline), Some(file)) => Some(Self::animation(args, timeline, file)?),
         };
-        let environment = args.env.as_deref().map(quietus_scene::load_environment).transpose()?;
+        let environment = match args.env.as_deref() {
+            Some(word) if word == Path::new("even") => Some(quietus_scene::even_sky()),
+            path => path.map(quietus_scene::load_environment).transpose()?,
+        };
         Ok(Self { name: scene_name(args), file, animation, environment, said: HashSet::new() })
     }
 

@@ -70,7 +70,8 @@ impl Subject {
         Self::new("embedded", &embedded(), Vec::new())
     }
 
-    /// `embedded`, or a glTF file; its name is then the file's stem.
+    /// `embedded`, or a file; its name is then the file's stem. A glTF file without lights gets an even sky, so that figures
+    /// do not change with the taste in skies.
     ///
     /// # Errors
     /// Where the file cannot be read, or the tracer refuses what is in it.
@@ -79,7 +80,8 @@ impl Subject {
             return Self::embedded();
         }
         let path = Path::new(source);
-        let loaded = load(path)?;
+        let mut loaded = load(path)?;
+        loaded.even_out_sky();
         let name = path.file_stem().map_or_else(|| source.to_owned(), |s| s.to_string_lossy().into_owned());
         Self::new(&name, &loaded.scene, loaded.warnings)
     }

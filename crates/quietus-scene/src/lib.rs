@@ -52,14 +52,26 @@ impl Loaded {
         self.scene.environment = Some(environment);
         self.warnings.retain(|warning| warning.message != gltf::PLAIN_SKY);
     }
+
+    /// Where the reader made up a sky for want of lights, makes it the same on all sides, with the same mean.
+    pub fn even_out_sky(&mut self) {
+        if self.warnings.iter().any(|warning| warning.message == gltf::PLAIN_SKY) {
+            self.scene.environment = Some(even_sky());
+        }
+    }
+}
+
+/// A sky that is the same on all sides, with the mean of the one that scenes without lights get.
+pub fn even_sky() -> Environment {
+    gltf::sky::even()
 }
 
 /// Reads the scene at `path` and everything it refers to: pbrt-v4 where the name ends in `.pbrt` or `.pbrt.gz`, else
 /// glTF 2.0 (`.gltf` or `.glb`, told apart by content) in the pose in which it is stored: [`SceneFile`] gives moments
 /// of its animations.
 ///
-/// A glTF scene without camera gets one that frames it, and one with neither lights nor emitters gets a plain sky;
-/// both are said in the warnings.
+/// A glTF scene without camera gets one that frames it, and one with neither lights nor emitters gets a plain sky, brighter
+/// above than below; both are said in the warnings.
 ///
 /// # Errors
 /// Where a file is missing, cannot be read, is malformed or contradictory, or requires what is not supported.

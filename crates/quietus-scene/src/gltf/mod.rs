@@ -25,23 +25,19 @@ mod mesh;
 mod meshopt;
 mod schema;
 mod skin;
+pub(crate) mod sky;
 mod stage;
 mod variants;
 
 use std::path::Path;
 
-use glam::{Mat3, Vec3};
-use quietus_trace::desc::{Camera, Environment, EnvironmentLayout, SceneDesc};
+use quietus_trace::desc::{Camera, SceneDesc};
 
 use crate::error::SceneError;
 use crate::framing::Framing;
 use crate::{Loaded, file, summary};
 use document::Document;
 pub(crate) use stage::{Moment, Stage};
-
-/// Radiance of the sky given to scenes without any light: bluish, and with a mean luminance below 1 so that white
-/// surfaces stay inside of what a picture can show.
-const SKY: Vec3 = Vec3::new(0.72, 0.80, 0.92);
 
 /// What is said of that sky.
 pub(crate) const PLAIN_SKY: &str =
@@ -77,8 +73,7 @@ pub(crate) fn shoot(
     }
     if scene.lights.is_empty() && !has_emitters(&scene) {
         warnings.say("", PLAIN_SKY);
-        let (layout, scale, to_world) = (EnvironmentLayout::LatLong, SKY, Mat3::IDENTITY);
-        scene.environment = Some(Environment { image: None, layout, scale, to_world });
+        scene.environment = Some(sky::soft());
     }
     Ok(Loaded { scene, warnings: warnings.into_list() })
 }

@@ -13,7 +13,7 @@ use quietus_trace::view::View;
 pub type Reader = fn(&[u8]);
 
 /// Each reader with the name of its target and of its corpus.
-pub const READERS: [(&str, Reader); 7] = [
+pub const READERS: [(&str, Reader); 8] = [
     ("gltf", gltf),
     ("pbrt", pbrt),
     ("ply", ply),
@@ -21,6 +21,7 @@ pub const READERS: [(&str, Reader); 7] = [
     ("tga", tga),
     ("environment", environment),
     ("nanovdb", nanovdb),
+    ("measured", measured),
 ];
 
 /// Larger scenes are read but not built: the fuzzer is to try many small ones.
@@ -73,6 +74,11 @@ pub fn environment(bytes: &[u8]) {
 /// Any bytes as a file of NanoVDB.
 pub fn nanovdb(bytes: &[u8]) {
     accept(quietus_scene::read_nanovdb_bytes(path("nanovdb"), bytes));
+}
+
+/// Any bytes as a measured material.
+pub fn measured(bytes: &[u8]) {
+    accept(quietus_scene::read_measured_bytes(path("measured"), bytes));
 }
 
 /// Errors say what is wrong.

@@ -98,8 +98,8 @@ impl<'a> Materials<'a> {
                 json!({"type": "blendbsdf", "weight": self.scalar(amount)?, "first": first, "second": second})
             }
             Surface::Interface => json!({"type": "null"}),
-            Surface::Subsurface(_) => {
-                self.note("what light wanders below is drawn diffuse");
+            Surface::Subsurface(_) | Surface::Measured(_) => {
+                self.note("measured surfaces and those that light wanders below are drawn diffuse");
                 two_sided(json!({"type": "diffuse", "reflectance": rgb(Vec3::splat(0.5))}))
             }
             Surface::Hair(_) => {

@@ -12,11 +12,13 @@ mod fingerprint;
 mod framing;
 mod gltf;
 mod image;
+mod measured;
 mod nanovdb;
 mod pbrt;
 mod ply;
 mod scene_file;
 mod summary;
+mod tensor;
 
 use std::path::Path;
 
@@ -123,6 +125,14 @@ pub fn read_map(path: &Path) -> Result<([u32; 2], Vec<f32>), SceneError> {
 /// Where the file is malformed, packed with BLOSC, of another version than 32, or holds other values than 32-bit floats.
 pub fn read_nanovdb_bytes(path: &Path, bytes: &[u8]) -> Result<Vec<NanoGrid>, SceneError> {
     nanovdb::read_all(path, bytes)
+}
+
+/// Reads the measured material in a tensor file (`.bsdf`) whose content is `bytes`; `path` is for messages.
+///
+/// # Errors
+/// Where the file is malformed, or measures a part of all azimuths only.
+pub fn read_measured_bytes(path: &Path, bytes: &[u8]) -> Result<quietus_trace::desc::Measured, SceneError> {
+    measured::read(path, bytes, pbrt::channels_of_wavelengths)
 }
 
 /// Reads the mesh in a PLY file whose content is `bytes`, unpacked; `path` is for messages.

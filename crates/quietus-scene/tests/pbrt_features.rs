@@ -685,3 +685,48 @@ fn media_of_nanovdb_lie_where_their_file_says() {
         assert!(error.to_string().contains(words) && error.to_string().contains(name), "{error}");
     }
 }
+
+#[test]
+fn cameras_see_all_around_evenly_unless_told_otherwise() {
+    assert_eq!(camera("Camera \"spherical\"").projection, Projection::EqualArea);
+}
+
+/// Daylight that is asked to be white is; 6504 K nearly is already, and red light is dimmed in red.
+#[test]
+fn white_balance_makes_its_light_white() {
+    let exposure = |kelvin: &str| {
+        header(&format!("Film \"rgb\" \"float iso\" 200 \"float whitebalance\" {kelvin}")).picture.exposure
+    };
+    assert_eq!(exposure("0"), Some(Vec3::splat(2.0)));
+    assert!((exposure("6504").expect("balanced") - 2.0).abs().max_element() < 0.01, "{:?}", exposure("6504"));
+    let warm = exposure("3000").expect("balanced");
+    assert!(warm.x < 2.0 && warm.z > 4.0, "{warm}");
+    // A lamp of that temperature is white.
+    let scene = header("Film \"rgb\" \"float whitebalance\" 3000");
+    let lamp = world("LightSource \"point\" \"blackbody I\" 3000");
+    let Light::Point { intensity, .. } = lamp.lights[0] else { panic!("a lamp") };
+    let white = intensity * scene.picture.exposure.expect("balanced");
+    assert!((white / white.y - 1.0).abs().max_element() < 1e-3, "{white}");
+}
+
+/// What is grey at all wavelengths stays so, what is red becomes red; a file is read once.
+#[test]
+fn measured_materials_come_from_tensor_files() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/measured");
+    let load = |name: &str| {
+        let one = format!("Material \"measured\" \"string filename\" \"{name}\" Shape \"sphere\"\n");
+        let text = format!("WorldBegin {one} Translate 3 0 0 {one}");
+        load_bytes(&folder.join("scene.pbrt"), text.as_bytes()).map(|loaded| loaded.scene)
+    };
+    let scene = load("isotropic.bsdf").expect("sound");
+    assert_eq!(scene.materials.len(), 1);
+    let Surface::Measured(measured) = &scene.materials[0].surface else { panic!("{:?}", scene.materials[0]) };
+    assert!(measured.is_isotropic() && measured.polar_angles.len() == 3);
+    let color = measured.colors.values[0];
+    assert!(color.x > 1.5 * color.y && color.y > 1.5 * color.z, "{color}");
+    let scene = load("anisotropic.bsdf").expect("sound");
+    let Surface::Measured(measured) = &scene.materials[0].surface else { panic!("{:?}", scene.materials[0]) };
+    assert!(!measured.is_isotropic());
+    let error = load("cut.bsdf").expect_err("cut");
+    assert!(error.file().ends_with("cut.bsdf") && error.message().contains("are left"), "{error}");
+}

@@ -265,7 +265,6 @@ const WARNINGS: &[(&str, &str, &str)] = &[
     ("LightSource \"goniometric\"", "2:1", "shines to all sides alike"),
     ("LightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]", "2:24", "portals"),
     ("Material \"subsurface\" \"string name\" \"Skim1\" Shape \"sphere\"", "2:1", "did you mean \"Skin1\"?"),
-    ("Material \"measured\" \"string filename\" \"a.bsdf\" Shape \"sphere\"", "2:1", "grey diffuse one"),
     (
         "Texture \"a\" \"float\" \"ptex\" \"string filename\" \"a.ptx\"",
         "2:1",
@@ -291,9 +290,9 @@ fn what_is_not_drawn_is_said_once_with_its_place() {
         assert_eq!(found.len(), 1, "{text}: {:?}", loaded.warnings);
         assert_eq!(found[0].place, *place, "{text}");
     }
-    let many = "Material \"measured\" \"string filename\" \"a.bsdf\"\n".repeat(5);
+    let many = "Shape \"sphere\" \"float radius\" 1 \"float radius\" 2\n".repeat(5);
     let loaded = read(&format!("WorldBegin\n{many}")).expect("sound");
-    let about = loaded.warnings.iter().filter(|warning| warning.message.contains("measured"));
+    let about = loaded.warnings.iter().filter(|warning| warning.message.contains("given twice"));
     assert_eq!(about.count(), 1);
 }
 
@@ -313,7 +312,7 @@ fn faults_in_included_files_name_those() {
     assert!(error.file().ends_with("b.pbrt"), "{error}");
     assert_eq!(error.place(), "2:2");
 
-    write("b.pbrt", "Material \"measured\"");
+    write("b.pbrt", "WorldEnd");
     let loaded = quietus_scene::load(&main).expect("sound");
     assert!(loaded.warnings[0].place.ends_with("b.pbrt:1:1"), "{:?}", loaded.warnings);
 

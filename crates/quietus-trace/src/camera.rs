@@ -7,6 +7,7 @@ use thiserror::Error;
 
 use crate::desc::{self, FrameAxis};
 use crate::geometry::motion::Motion;
+use crate::light::equal_area_direction;
 
 /// Why a camera cannot be used.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -88,6 +89,8 @@ enum Projection {
     Orthographic(f32),
     /// Angles across one pixel: longitude and latitude.
     Spherical(Vec2),
+    /// Size of the frame.
+    EqualArea(Vec2),
 }
 
 /// A ray that leaves the camera.
@@ -186,6 +189,13 @@ impl Camera {
                 let cone = Cone { radius: 0.0, spread: NARROWED * 0.5 * pixel.min_element() * up.1.abs() };
                 CameraRay { origin: Vec3::ZERO, direction, axis_cosine: 1.0, cone }
             }
+            Projection::EqualArea(frame) => {
+                let map = equal_area_direction(wrap_square(film / frame));
+                let direction = Vec3::new(map.x, map.z, -map.y);
+                let pixel = (4.0 * PI / (frame.x * frame.y)).sqrt();
+                let cone = Cone { radius: 0.0, spread: NARROWED * 0.5 * pixel };
+                CameraRay { origin: Vec3::ZERO, direction, axis_cosine: 1.0, cone }
+            }
         };
         CameraRay {
             origin: to_world.transform_point3(ray.origin),
@@ -193,6 +203,20 @@ impl Camera {
             ..ray
         }
     }
+}
+
+/// A place just outside of the octahedral square, where filters reach, as the one inside that lies beside it on the sphere.
+fn wrap_square(place: Vec2) -> Vec2 {
+    let mirrored = |a: f32| if a < 0.0 { -a } else { 2.0 - a };
+    let outside = |a: f32| !(0.0..=1.0).contains(&a);
+    let mut place = place;
+    if outside(place.x) {
+        place = Vec2::new(mirrored(place.x), 1.0 - place.y);
+    }
+    if outside(place.y) {
+        place = Vec2::new(1.0 - place.x, mirrored(place.y));
+    }
+    place.clamp(Vec2::ZERO, Vec2::ONE)
 }
 
 /// Share of a pixel that a ray's cone covers. A pixel's own samples see all of it: filtering textures over it once
@@ -216,6 +240,7 @@ fn projection(camera: &desc::Camera, frame: Vec2) -> Result<Projection, CameraEr
         }
         desc::Projection::Orthographic { extent, .. } => Err(CameraError::Extent { name: name(), extent }),
         desc::Projection::Spherical => Ok(Projection::Spherical(Vec2::new(2.0 * PI, PI) / frame)),
+        desc::Projection::EqualArea => Ok(Projection::EqualArea(frame)),
     }
 }
 
@@ -226,7 +251,8 @@ fn check_lens(camera: &desc::Camera) -> Result<(), CameraError> {
     if !(lens_radius == 0.0 || lens_radius > 0.0 && lens_radius.is_finite() && sharp) {
         return Err(CameraError::Lens { name, lens_radius, focus_distance });
     }
-    if lens_radius > 0.0 && camera.projection == desc::Projection::Spherical {
+    let all_around = matches!(camera.projection, desc::Projection::Spherical | desc::Projection::EqualArea);
+    if lens_radius > 0.0 && all_around {
         return Err(CameraError::SphericalLens { name, lens_radius });
     }
     Ok(())

@@ -10,14 +10,14 @@ mod params;
 mod scatter;
 mod subsurface;
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use glam::Vec3;
 
 use self::params::each_param;
 use crate::{
-    bsdf::{layered::CoatTable, subsurface::SubsurfaceTable},
+    bsdf::{layered::CoatTable, measured::MeasuredTable, subsurface::SubsurfaceTable},
     desc::{self, Alpha, ColorParam, MaterialId, Roughness, ScalarParam, Surface, Texture, TextureId},
     texture::{TextureError, TextureTable},
 };
@@ -45,6 +45,8 @@ struct Compiled {
     coat: Option<Arc<CoatTable>>,
     /// Which medium gives back how much light, where light wanders below it.
     below: Option<Arc<SubsurfaceTable>>,
+    /// What was measured of it, if it was.
+    measured: Option<Arc<MeasuredTable>>,
 }
 
 /// What is wrong with a scene's materials or textures.
@@ -100,6 +102,7 @@ impl MaterialTable {
         let textures = TextureTable::compile(textures, |id| exact.contains(&id))?;
         let mut table = Self { textures, materials: vec![] };
         let (coats, below) = (scatter::coats(materials), subsurface::tables(materials));
+        let measured = measured(materials);
         table.materials = materials
             .iter()
             .zip(coats.into_iter().zip(below))
@@ -110,6 +113,10 @@ impl MaterialTable {
                 disperses: disperses(desc),
                 coat,
                 below,
+                measured: match &desc.surface {
+                    Surface::Measured(m) => measured.get(&Arc::as_ptr(m)).cloned(),
+                    _ => None,
+                },
             })
             .collect();
         Ok(table)
@@ -263,6 +270,17 @@ impl MaterialTable {
     }
 }
 
+/// The tables of what was measured, each once.
+fn measured(materials: &[desc::Material]) -> HashMap<*const desc::Measured, Arc<MeasuredTable>> {
+    let mut tables = HashMap::new();
+    for material in materials {
+        if let Surface::Measured(m) = &material.surface {
+            tables.entry(Arc::as_ptr(m)).or_insert_with(|| Arc::new(MeasuredTable::new(m)));
+        }
+    }
+    tables
+}
+
 /// Whether every hit of a checked material counts.
 fn is_opaque(material: &desc::Material, materials: &[desc::Material]) -> bool {
     material.alpha == Alpha::Opaque
@@ -291,6 +309,7 @@ fn needs_tangent(material: &desc::Material, materials: &[desc::Material]) -> boo
             }
             Surface::Glass(glass) => anisotropic(&glass.roughness),
             Surface::Subsurface(s) => anisotropic(&s.roughness),
+            Surface::Measured(m) => !m.is_isotropic(),
             Surface::CoatedDiffuse { coat, .. } => anisotropic(&coat.roughness),
             Surface::CoatedConductor { roughness, coat, .. } => {
                 anisotropic(roughness) || anisotropic(&coat.roughness)

@@ -82,7 +82,7 @@ fn picture_height(camera: &Camera, distance: f32) -> f32 {
     match camera.projection {
         Projection::Perspective { fov, axis } => whole(2.0 * distance * (0.5 * fov).tan(), axis),
         Projection::Orthographic { extent, axis } => whole(extent, axis),
-        Projection::Spherical => std::f32::consts::PI * distance,
+        Projection::Spherical | Projection::EqualArea => std::f32::consts::PI * distance,
     }
 }
 

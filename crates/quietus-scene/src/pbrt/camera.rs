@@ -56,16 +56,15 @@ pub(super) fn read(
         "orthographic" => orthographic(params, aspect, scale, context)?,
         "spherical" => {
             let mapping = params.choice("mapping", &["equalarea", "equirectangular"])?;
-            if mapping == "equalarea" {
-                let message =
-                    "spherical cameras with mapping \"equalarea\" are drawn with \"equirectangular\"";
-                context.warn(params.place, message);
-            }
-            // The middle of the picture looks along -x of the camera's space.
-            let axes = DMat3::from_cols(DVec3::NEG_Z, DVec3::Y, DVec3::NEG_X);
-            turned = turned.after(Moving::still(DAffine3::from_mat3(axes)));
             params.ignore(&["frameaspectratio", "screenwindow"]);
-            Projection::Spherical
+            if mapping == "equalarea" {
+                Projection::EqualArea
+            } else {
+                // The middle of the picture looks along -x of the camera's space.
+                let axes = DMat3::from_cols(DVec3::NEG_Z, DVec3::Y, DVec3::NEG_X);
+                turned = turned.after(Moving::still(DAffine3::from_mat3(axes)));
+                Projection::Spherical
+            }
         }
         "realistic" => realistic(params, context)?,
         kind => return Err(Fault::invalid(params.place, unknown("camera", kind, &KINDS))),

@@ -7,6 +7,7 @@ use quietus_trace::filter::{Filter, FilterShape};
 use super::draft::{Draft, Entity};
 use super::fault::{Context, Fault, Result, unknown};
 use super::params::Params;
+use super::spectrum;
 
 /// Every type of film, filter, sampler and integrator.
 const FILMS: [&str; 3] = ["gbuffer", "rgb", "spectral"];
@@ -92,8 +93,9 @@ fn film(entity: &Entity, open_for: f32, context: &Context, picture: &mut Picture
     picture.size = Some(size);
     picture.crop = crop(params, size)?;
     let iso = params.float_where("iso", 100.0, |iso| iso > 0.0, "above 0")?;
-    picture.exposure = exposure(open_for * iso / 100.0);
-    sensor(params, context)?;
+    let balance = sensor(params, context)?;
+    let ratio = open_for * iso / 100.0;
+    picture.exposure = if balance == Vec3::ONE { exposure(ratio) } else { Some(ratio * balance) };
     let most = params.float_option("maxcomponentvalue")?;
     picture.max_component = most.filter(|most| *most > 0.0 && most.is_finite());
     params.ignore(&[
@@ -109,7 +111,8 @@ fn film(entity: &Entity, open_for: f32, context: &Context, picture: &mut Picture
     params.finish()
 }
 
-fn sensor(params: &Params, context: &Context) -> Result<()> {
+/// What the colours of the sensor are multiplied by.
+fn sensor(params: &Params, context: &Context) -> Result<Vec3> {
     let name = params.string("sensor")?.unwrap_or("cie1931");
     if !SENSORS.contains(&name) {
         return Err(Fault::invalid(params.place_of("sensor"), unknown("sensor", name, &SENSORS)));
@@ -118,11 +121,20 @@ fn sensor(params: &Params, context: &Context) -> Result<()> {
         let message = format!("sensor \"{name}\" is not drawn; the standard observer stands in");
         context.warn(params.place_of("sensor"), message);
     }
-    if params.float("whitebalance", 0.0)? != 0.0 {
-        context
-            .warn(params.place_of("whitebalance"), "white balance is left to whoever looks at the picture");
+    let expected = "0 for none, or at least 1000 kelvin";
+    match params.float_where("whitebalance", 0.0, |kelvin| kelvin == 0.0 || kelvin >= 1000.0, expected)? {
+        0.0 => Ok(Vec3::ONE),
+        kelvin => Ok(white_balance(f64::from(kelvin))),
     }
-    Ok(())
+}
+
+/// What makes daylight of this temperature (light of black bodies, where that is redder than daylight is) white.
+///
+/// pbrt adapts responses of cones, of which this is the simplest form: each channel for itself. What is white comes out
+/// the same, saturated colours turn a little.
+fn white_balance(kelvin: f64) -> Vec3 {
+    let light = spectrum::daylight(kelvin).max(Vec3::splat(1e-3));
+    light.recip()
 }
 
 /// The part to draw, in 0..1 of the frame.

@@ -290,7 +290,9 @@ fn point(params: &Params, to_world: DAffine3, context: &Context) -> Result<Light
 fn spot(params: &Params, to_world: DAffine3, context: &Context) -> Result<Light> {
     let (position, direction) = aim(params, to_world)?;
     let angle = params.float_where("coneangle", 30.0, |a| a > 0.0 && a <= 180.0, "an angle up to 180")?;
-    let delta = params.float_where("conedelta", 5.0, |d| d >= 0.0, "at least 0")?;
+    let delta = |name, default| params.float_where(name, default, |d| d >= 0.0, "at least 0");
+    // The program calls it so, its documentation once did otherwise.
+    let delta = delta("conedeltaangle", delta("conedelta", 5.0)?)?;
     let (outer_angle, inner_angle) = (angle.to_radians(), (angle - delta).max(0.0).to_radians());
     let (end, start) = (outer_angle.cos(), inner_angle.cos());
     let solid_angle = 2.0 * PI * ((1.0 - start) + (start - end) / 2.0);

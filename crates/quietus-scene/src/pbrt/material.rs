@@ -2,6 +2,8 @@
 //! them, so that one of pbrt's materials can become several of ours, and equal ones become one.
 
 use std::collections::HashMap;
+use std::path::PathBuf;
+use std::sync::Arc;
 
 use glam::Vec3;
 use quietus_trace::desc::{
@@ -65,6 +67,8 @@ pub(super) struct Materials<'a, 'c> {
     bases: HashMap<usize, Base>,
     /// By all they are but their names.
     known: HashMap<String, MaterialId>,
+    /// What was measured, by its file.
+    measured: HashMap<PathBuf, Arc<desc::Measured>>,
     /// Materials being made, to find mixes that lead back to themselves.
     open: Vec<usize>,
 }
@@ -80,6 +84,7 @@ impl<'a, 'c> Materials<'a, 'c> {
             textured: Vec::new(),
             bases,
             known,
+            measured: HashMap::new(),
             open: Vec::new(),
         }
     }
@@ -153,7 +158,13 @@ impl<'a, 'c> Materials<'a, 'c> {
     fn push(&mut self, material: desc::Material, textured: bool) -> MaterialId {
         let desc::Material { surface, emission, emission_two_sided, normal_map, bump, alpha, .. } = &material;
         // All of these print their numbers with all their digits.
-        let key = format!("{surface:?} {emission:?} {emission_two_sided} {normal_map:?} {bump:?} {alpha:?}");
+        let surface_key = match surface {
+            // Read once from each file: the place tells it from others.
+            Surface::Measured(m) => format!("measured {:p}", Arc::as_ptr(m)),
+            surface => format!("{surface:?}"),
+        };
+        let key =
+            format!("{surface_key} {emission:?} {emission_two_sided} {normal_map:?} {bump:?} {alpha:?}");
         *self.known.entry(key).or_insert_with(|| {
             self.list.push(material);
             self.textured.push(textured);
@@ -244,12 +255,7 @@ impl<'a, 'c> Materials<'a, 'c> {
             "hair" => self.hair(params),
             "mix" => self.mix(params),
             "subsurface" => self.subsurface(params),
-            "measured" => {
-                let message = "material \"measured\" is not drawn; a grey diffuse one stands in";
-                self.context.warn(params.place, message);
-                params.ignore(&["filename"]);
-                Ok(Surface::Diffuse { reflectance: ColorParam::constant(HALF) })
-            }
+            "measured" => self.measured(params),
             _ => Err(Fault::invalid(params.place, unknown("material", kind, &KINDS))),
         }
     }
@@ -368,6 +374,21 @@ impl<'a, 'c> Materials<'a, 'c> {
             beta_n: textures.number(params, "beta_n", 0.3)?,
             alpha: params.float("alpha", 2.0)?.to_radians(),
         })))
+    }
+
+    fn measured(&mut self, params: &Params) -> Result<Surface> {
+        let Some(name) = params.string("filename")? else {
+            return Err(Fault::invalid(params.place, format!("{} has no \"string filename\"", params.owner)));
+        };
+        let path = self.context.resolve(name);
+        if let Some(known) = self.measured.get(&path) {
+            return Ok(Surface::Measured(Arc::clone(known)));
+        }
+        let read = || crate::read_measured_bytes(&path, &crate::file::read(&path)?);
+        let measured = read().map_err(|error| self.context.blame(params.place_of("filename"), error))?;
+        let measured = Arc::new(measured);
+        self.measured.insert(path, Arc::clone(&measured));
+        Ok(Surface::Measured(measured))
     }
 
     fn mix(&mut self, params: &Params) -> Result<Surface> {

@@ -61,6 +61,8 @@ pub(crate) fn load_bytes(path: &Path, bytes: &[u8]) -> Result<Loaded, SceneError
     }
 }
 
+pub(crate) use spectrum::channels_of_wavelengths;
+
 /// Whether `path` has the name of a scene of pbrt: `.pbrt` or `.pbrt.gz` at its end.
 pub(crate) fn is_named_like(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();

@@ -20,6 +20,7 @@ mod dielectric;
 mod film;
 pub mod hair;
 pub mod layered;
+pub mod measured;
 mod metal_rough;
 mod sheen;
 pub mod subsurface;
@@ -34,6 +35,7 @@ pub use dielectric::Dielectric;
 pub use film::{Film, FilmParams};
 pub use hair::{Hair, HairParams};
 pub use layered::{CoatedDiffuse, Layered};
+pub use measured::Measured;
 pub use metal_rough::{MetalRough, MetalRoughParams};
 pub use subsurface::Subsurface;
 pub use thin::{DiffuseTransmission, ThinDielectric};
@@ -63,6 +65,8 @@ pub enum Bsdf<'a> {
     Hair(Hair),
     /// The metallic-roughness model of glTF 2.0, on both sides.
     MetalRough(MetalRough),
+    /// What a device has measured, on both sides.
+    Measured(Measured<'a>),
     /// What light wanders under, seen from the side that it was told of.
     Subsurface(Subsurface),
 }
@@ -120,6 +124,7 @@ impl Bsdf<'_> {
             Self::Hair(b) => b.eval_pdf(wo, wi),
             Self::MetalRough(b) => b.eval_pdf(wo, wi),
             Self::Subsurface(b) => b.eval_pdf(wo, wi),
+            Self::Measured(b) => b.eval_pdf(wo, wi),
         }
     }
 
@@ -139,6 +144,7 @@ impl Bsdf<'_> {
             Self::Hair(b) => b.sample(wo, u_lobe, u),
             Self::MetalRough(b) => b.sample(wo, u_lobe, u),
             Self::Subsurface(b) => b.sample(wo, u_lobe, u),
+            Self::Measured(b) => b.sample(wo, u),
         }
     }
 
@@ -147,7 +153,11 @@ impl Bsdf<'_> {
     pub fn is_delta(&self) -> bool {
         match self {
             Self::Black | Self::ThinDielectric(_) => true,
-            Self::Diffuse(_) | Self::DiffuseTransmission(_) | Self::CoatedDiffuse(_) | Self::Hair(_) => false,
+            Self::Diffuse(_)
+            | Self::DiffuseTransmission(_)
+            | Self::CoatedDiffuse(_)
+            | Self::Hair(_)
+            | Self::Measured(_) => false,
             Self::Conductor(b) => b.is_delta(),
             Self::Dielectric(b) => b.is_delta(),
             Self::Layered(b) => b.is_delta(),
@@ -160,7 +170,7 @@ impl Bsdf<'_> {
     #[inline]
     pub(crate) fn reflects_only(&self) -> bool {
         match self {
-            Self::Diffuse(_) | Self::Conductor(_) => true,
+            Self::Diffuse(_) | Self::Conductor(_) | Self::Measured(_) => true,
             Self::MetalRough(b) => b.reflects_only(),
             _ => false,
         }
@@ -181,6 +191,7 @@ impl Bsdf<'_> {
             Self::Hair(b) => b.albedo(),
             Self::MetalRough(b) => b.albedo(),
             Self::Subsurface(b) => b.albedo(),
+            Self::Measured(b) => b.albedo(),
         }
     }
 }

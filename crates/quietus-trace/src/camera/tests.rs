@@ -189,3 +189,35 @@ fn cameras_that_make_no_sense_are_refused() {
     let error = refuse(&desc::Camera { end_to_world: Some(mirrored), ..sound });
     assert!(matches!(error, CameraError::Motion { .. }), "{error}");
 }
+
+/// Every pixel sees as much of the sphere; the middle looks up, and across the frame's edge directions go on.
+#[test]
+fn equal_area_frames_hold_the_whole_sphere_evenly() {
+    let described = desc::Camera { projection: desc::Projection::EqualArea, ..described(0.0) };
+    let camera = camera(&described, 64, 64);
+    let direction = |film: Vec2| local(&described, &camera.ray(film, Vec2::ZERO, 0.0)).1;
+    for (film, expected) in [
+        (Vec2::splat(32.0), Vec3::Y),
+        (Vec2::new(64.0, 32.0), Vec3::X),
+        (Vec2::new(32.0, 64.0), Vec3::NEG_Z),
+        (Vec2::ZERO, Vec3::NEG_Y),
+    ] {
+        assert!(direction(film).abs_diff_eq(expected, 1e-5), "{film}: {}", direction(film));
+    }
+    let mut rng = Rng::new(9);
+    let counts = (0..200_000).fold([0_u64; 8], |mut counts, _| {
+        let d = direction(64.0 * rng.next_2d());
+        counts[usize::from(d.x > 0.0) | usize::from(d.y > 0.0) << 1 | usize::from(d.z > 0.0) << 2] += 1;
+        counts
+    });
+    let p = crate::testing::chi_square(&counts, &[25_000.0; 8]);
+    crate::testing::Suite::new(1).judge(p, "octants");
+    for along in [0.1, 20.0, 50.0] {
+        for (inside, outside) in [
+            (Vec2::new(0.01, along), Vec2::new(-0.01, along)),
+            (Vec2::new(along, 63.99), Vec2::new(along, 64.01)),
+        ] {
+            assert!(direction(inside).abs_diff_eq(direction(outside), 2e-3), "{inside}");
+        }
+    }
+}

@@ -62,6 +62,9 @@ pub enum Projection {
     },
     /// A whole sphere of directions, columns along longitude: the frame's middle looks along -z, the top to +y.
     Spherical,
+    /// A whole sphere of directions, every pixel as much of it as any other: the octahedral square of Clarberg 2008, whose
+    /// middle looks to +y; columns run towards +x, rows towards -z.
+    EqualArea,
 }
 
 /// Which side of the frame an angle or extent spans.

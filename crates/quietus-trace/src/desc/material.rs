@@ -1,5 +1,7 @@
 //! Materials: how surfaces scatter and emit.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
 use super::{ColorParam, MaterialId, ScalarParam, TextureId};
@@ -102,6 +104,8 @@ pub enum Surface {
     },
     /// Glass that light enters to wander below it in a medium of its own: skin, wax, milk, marble.
     Subsurface(Box<Subsurface>),
+    /// What a device has measured, on both sides.
+    Measured(Arc<Measured>),
     /// A fibre (Chiang et al. 2016), for curves.
     Hair(Box<Hair>),
     /// Each hit is the first material with probability `1 - amount`, else the second.
@@ -141,6 +145,48 @@ pub struct Subsurface {
     pub interior: Interior,
     /// Henyey-Greenstein asymmetry, in -1..1.
     pub g: f32,
+}
+
+/// Samples over the unit square, corner to corner, bilinear in between: sheet after sheet, row after row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sheets<T> {
+    /// Columns and rows, each at least 2.
+    pub size: [u32; 2],
+    /// The values of all sheets.
+    pub values: Vec<T>,
+}
+
+/// A surface as it was measured (Dupuy and Jakob 2018, "An Adaptive Parameterization for Efficient Material Acquisition and
+/// Rendering").
+///
+/// There is one sheet for each direction of view, whose azimuths are slower than their polar angles, and one alone of
+/// `facets` and `area`. Columns of `facets`, `area` and `visible` are the square root of the polar angle over pi / 2, rows the
+/// azimuth, from -pi to pi; where there are two azimuths of view at most the surface is isotropic, and azimuths of facets count
+/// from that of the view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// Azimuths of view, ascending, in radians.
+    pub azimuths: Vec<f32>,
+    /// Polar angles of view, ascending, in radians.
+    pub polar_angles: Vec<f32>,
+    /// How many facets have which normal.
+    pub facets: Sheets<f32>,
+    /// Area of the facets, projected to a direction of view.
+    pub area: Sheets<f32>,
+    /// How many facets of which normal are seen from a direction of view; at least 0, and not 0 everywhere.
+    pub visible: Sheets<f32>,
+    /// How bright what is seen there is, over the numbers in the unit square by which `visible` draws; at least 0, and not
+    /// 0 everywhere.
+    pub luminance: Sheets<f32>,
+    /// What is seen there: four times BSDF and cosine, times `area` over `facets`.
+    pub colors: Sheets<Vec3>,
+}
+
+impl Measured {
+    /// Whether it looks the same from all sides.
+    pub fn is_isotropic(&self) -> bool {
+        self.azimuths.len() <= 2
+    }
 }
 
 /// A medium below a surface.

@@ -18,8 +18,8 @@ pub use geometry::{
 };
 pub use light::{Environment, EnvironmentLayout, Light, Medium, PictureSpread, SpotFalloff};
 pub use material::{
-    Alpha, Anisotropy, Coat, Glass, Hair, HairColor, Interior, Material, Metal, MetalRough, Roughness,
-    RoughnessScale, Subsurface, Surface, ThinFilm,
+    Alpha, Anisotropy, Coat, Glass, Hair, HairColor, Interior, Material, Measured, Metal, MetalRough,
+    Roughness, RoughnessScale, Sheets, Subsurface, Surface, ThinFilm,
 };
 pub use texture::{
     ColorParam, Image, ImageTexture, Mapping, NoisePattern, ScalarParam, TexelFilter, Texels, Texture, Wrap,

@@ -59,9 +59,10 @@ fn on_line(
     let perpendicular = direction.cross(along);
     let square = perpendicular.length_squared();
     let v = from.cross(direction).dot(perpendicular) / square;
-    let t = (from.cross(along).dot(perpendicular) / square) as f32;
-    let met = RANGE.contains(&v) && t > t_min && t <= t_max;
-    met.then_some((t, u.clamp(0.0, 1.0) as f32, v.clamp(0.0, 1.0) as f32))
+    let t = from.cross(along).dot(perpendicular) / square;
+    // Before it is rounded: what lies just behind the end of a ray is not in its way.
+    let met = RANGE.contains(&v) && t > f64::from(t_min) && t <= f64::from(t_max) && t as f32 > t_min;
+    met.then_some((t as f32, u.clamp(0.0, 1.0) as f32, v.clamp(0.0, 1.0) as f32))
 }
 
 /// Vertex data at the parameters `u`, `v`.
@@ -74,11 +75,13 @@ where
     (p00 * (1.0 - u) + p10 * u) * (1.0 - v) + (p01 * (1.0 - u) + p11 * u) * v
 }
 
-/// How far [`blend`] of the corners may be off per axis.
+/// How far [`blend`] of the corners may be off per axis. Rays that leave the patch and rays that end on it are rounded
+/// along all axes, as far as it extends, even where it lies at 0 along one.
 pub fn point_error(corners: &Corners) -> Vec3 {
     let [p00, p10, p01, p11] = corners.map(Vec3::abs);
+    let Bounds { min, max } = bounds(corners);
     // "Physically Based Rendering", 4th edition, section 6.8.5: gamma(6), and as much for the corners' own roundings.
-    gamma(12) * p00.max(p10).max(p01.max(p11))
+    gamma(12) * p00.max(p10).max(p01.max(p11)) + gamma(8) * (max - min).max_element()
 }
 
 /// Derivatives of the position by u and v.

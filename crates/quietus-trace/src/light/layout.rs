@@ -91,7 +91,7 @@ pub(super) fn equal_area_place(direction: Vec3) -> Vec2 {
 
 /// The inverse of [`equal_area_place`].
 #[inline]
-fn equal_area_direction(place: Vec2) -> Vec3 {
+pub(crate) fn equal_area_direction(place: Vec2) -> Vec3 {
     let signed = 2.0 * place - 1.0;
     let [u, v] = [signed.x.abs(), signed.y.abs()];
     let from_edge = 1.0 - (u + v);

@@ -6,6 +6,7 @@ use super::bounds::LightBounds;
 use super::{AreaSample, Emitter, Target};
 use crate::bvh::Bounds;
 use crate::desc::Quadric;
+use crate::geometry::patch::point_error;
 use crate::geometry::{gamma, transform_error};
 
 /// Points per axis at which an area or a cone of normals is looked at.
@@ -166,8 +167,7 @@ impl PatchLight {
         let position = p00.lerp(p10, u.x).lerp(p01.lerp(p11, u.x), u.y);
         let cross = self.cross(u);
         let length = cross.length();
-        let largest = self.corners.iter().fold(Vec3::ZERO, |a, p| a.max(p.abs()));
-        let error = self.error + gamma(8) * largest;
+        let error = self.error + point_error(&self.corners);
         (Target { position, error, normal: cross * (self.side / length) }, 1.0 / length)
     }
 

@@ -51,6 +51,7 @@ impl Check<'_> {
             Surface::Subsurface(s) => {
                 self.ior("ior", s.ior).and(self.range("asymmetry", s.g.abs() < 1.0, "between -1 and 1", s.g))
             }
+            Surface::Measured(m) => self.measured(m),
             Surface::Hair(hair) => self.hair(hair),
             Surface::Mix { .. } => self.mix(m, 0),
             Surface::MetalRough(m) => self.metal_rough(m),
@@ -86,6 +87,44 @@ impl Check<'_> {
         self.range("coat thickness", thickness >= 0.0, "at least 0", thickness)?;
         let g = coat.g.factor;
         self.range("asymmetry below the coat", g.abs() < 1.0, "between -1 and 1", g)
+    }
+
+    fn measured(&self, m: &desc::Measured) -> Result<(), MaterialError> {
+        let views = m.azimuths.len() * m.polar_angles.len();
+        for angles in [&m.azimuths, &m.polar_angles] {
+            let sound = !angles.is_empty() && angles.is_sorted() && angles.iter().all(|a| a.is_finite());
+            self.range("angles of view", sound, "one or more, ascending", format!("{angles:?}"))?;
+        }
+        let number = |value: &f32| value.is_finite() && *value >= 0.0;
+        self.sheets("facets", &m.facets, 1, number)?;
+        self.sheets("area of facets", &m.area, 1, number)?;
+        self.sheets("visible facets", &m.visible, views, number)?;
+        self.sheets("luminance", &m.luminance, views, number)?;
+        self.sheets("colours", &m.colors, views, |color| color.is_finite())?;
+        for (field, sheets) in [("visible facets", &m.visible), ("luminance", &m.luminance)] {
+            let size = sheets.size[0] as usize * sheets.size[1] as usize;
+            // Bilinear: all but nothing is something.
+            let drawn =
+                sheets.values.chunks_exact(size).all(|sheet| sheet.iter().any(|v| *v > f32::MIN_POSITIVE));
+            self.range(field, drawn, "above 0 somewhere for each direction of view", "0")?;
+        }
+        Ok(())
+    }
+
+    fn sheets<T>(
+        &self,
+        field: &'static str,
+        sheets: &desc::Sheets<T>,
+        count: usize,
+        sound: impl Fn(&T) -> bool,
+    ) -> Result<(), MaterialError> {
+        let [width, height] = sheets.size;
+        let size = sheets.size.iter().all(|n| (2..1 << 16).contains(n));
+        self.range(field, size, "of 2x2 samples or more", format!("{width}x{height}"))?;
+        let expected = (width as usize * height as usize).saturating_mul(count);
+        let found = sheets.values.len();
+        self.range(field, found == expected, "one value per sample and direction of view", found)?;
+        self.range(field, sheets.values.iter().all(sound), "finite numbers of at least 0", "something else")
     }
 
     fn hair(&self, hair: &desc::Hair) -> Result<(), MaterialError> {

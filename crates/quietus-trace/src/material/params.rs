@@ -68,7 +68,7 @@ fn surface(surface: &Surface, f: &mut impl FnMut(&'static str, Param<'_>)) {
         Surface::Hair(hair) => self::hair(hair, f),
         Surface::Mix { amount, .. } => f("amount", Param::Scalar(amount)),
         Surface::MetalRough(m) => metal_rough(m, f),
-        Surface::ThinDielectric { .. } | Surface::Interface => {}
+        Surface::ThinDielectric { .. } | Surface::Measured(_) | Surface::Interface => {}
     }
 }
 

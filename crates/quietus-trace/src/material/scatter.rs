@@ -9,7 +9,7 @@ use super::{MaterialTable, SurfacePoint};
 use crate::{
     bsdf::{
         Bsdf, CoatedDiffuse, Conductor, Dielectric, Diffuse, DiffuseTransmission, FilmParams, Hair,
-        HairParams, Layered, MetalRough, MetalRoughParams, ThinDielectric,
+        HairParams, Layered, Measured, MetalRough, MetalRoughParams, ThinDielectric,
         ggx::Ggx,
         hair::{absorption_of_pigments, absorption_of_reflectance},
         layered::{Base, CoatTable, LayeredParams},
@@ -118,6 +118,10 @@ impl MaterialTable {
             Surface::Glass(glass) => self.glass(glass, point, glass.ior.y),
             Surface::Hair(hair) => Bsdf::Hair(self.hair(hair, point)),
             Surface::Subsurface(s) => self.subsurface(id, s, point),
+            Surface::Measured(_) => match &self.compiled(id).measured {
+                Some(table) => Bsdf::Measured(Measured::new(table)),
+                None => Bsdf::Black,
+            },
             _ => Bsdf::Black,
         }
     }

@@ -149,6 +149,39 @@ pub(super) fn glow(kelvin: f64) -> Vec3 {
     color_space::rgb_from_xyz(xyz / cie::xyz(|_| 1.0).y).as_vec3().max(Vec3::ZERO)
 }
 
+/// How much each of ascending wavelengths adds to the channels of what white light shows, where reflectances are linear
+/// between them and stay as they are beyond the ends.
+pub(crate) fn channels_of_wavelengths(wavelengths: &[f32]) -> Vec<Vec3> {
+    let tent = |i: usize, at: f64| {
+        let place = |j: usize| f64::from(wavelengths[j]);
+        let edge = |j: usize, from: usize| {
+            let width = place(j) - place(from);
+            if width == 0.0 { 0.0 } else { ((at - place(from)) / width).clamp(0.0, 1.0) }
+        };
+        let rise = if i == 0 { 1.0 } else { edge(i, i - 1) };
+        let fall = if i + 1 == wavelengths.len() { 1.0 } else { edge(i, i + 1) };
+        if at < place(i) { rise } else { fall }
+    };
+    (0..wavelengths.len()).map(|i| shown(|at| tent(i, at))).collect()
+}
+
+/// The colour of daylight of a correlated colour temperature (CIE 15:2004, section 3.1), and below 4000 K, where there is no
+/// daylight, of a black body; of luminance 1.
+pub(super) fn daylight(kelvin: f64) -> Vec3 {
+    let k = kelvin.min(25_000.0);
+    if k < 4000.0 {
+        let light = glow(k);
+        return light / light.dot(Vec3::new(0.2126, 0.7152, 0.0722)).max(f32::MIN_POSITIVE);
+    }
+    let x = if k <= 7000.0 {
+        -4.6070e9 / k.powi(3) + 2.9678e6 / k.powi(2) + 0.09911e3 / k + 0.244063
+    } else {
+        -2.0064e9 / k.powi(3) + 1.9018e6 / k.powi(2) + 0.24748e3 / k + 0.237040
+    };
+    let y = -3.0 * x * x + 2.870 * x - 0.275;
+    color_space::rgb_from_xyz(color_space::xyz_of(glam::DVec2::new(x, y))).as_vec3()
+}
+
 /// What white light shows of a surface with this reflectance. Normalised by what it shows of white: the fitted
 /// observer's own white is a little off.
 fn shown(reflectance: impl Fn(f64) -> f64) -> Vec3 {

@@ -205,3 +205,57 @@ fn unseen_lamps_shine() {
     let lamp = picture(Alpha::Unseen, Vec3::Y * 1.5);
     assert!(lamp.samples.iter().all(|sample| sample.radiance == Vec3::ZERO), "the lamp itself");
 }
+
+/// The rectangle `from + u * du + v * dv` as a patch and as two triangles.
+fn rectangle(from: Vec3, du: Vec3, dv: Vec3) -> [Geometry; 2] {
+    let positions = vec![from, from + du, from + dv, from + du + dv];
+    let patches = PatchMesh { positions, patches: vec![[0, 1, 2, 3]], ..PatchMesh::default() };
+    [Geometry::Patches(Arc::new(patches)), quad([from, from + du, from + du + dv, from + dv])]
+}
+
+/// What lies exactly in a plane of the axes through the origin neither shadows itself nor hides its own light, near or far:
+/// along one axis nothing is rounded there, along the others it is.
+#[test]
+fn patches_in_planes_of_the_axes_light_and_are_lit_as_triangles() {
+    let far = [0.4, 3.0, 40.0];
+    let mut suite = Suite::new(3 * far.len());
+    for distance in far {
+        let [patch, triangles] = rectangle(Vec3::new(-1.0, 1.0, 0.0), 2.0 * Vec3::X, 1.6 * Vec3::Y);
+        let [floor, _] = rectangle(Vec3::new(-50.0, 0.0, -50.0), 100.0 * Vec3::Z, 100.0 * Vec3::X);
+        let picture = |lamp: &Geometry, floor: Option<&Geometry>| {
+            let mut scene = match floor {
+                None => ground(),
+                Some(floor) => {
+                    let mut scene = Builder::default();
+                    let material = scene.diffuse(GROUND_ALBEDO, 0.0);
+                    scene.add(floor.clone(), material);
+                    scene
+                }
+            };
+            let shine = scene.diffuse(0.0, 2.0);
+            scene.add(lamp.clone(), shine);
+            let spot = Vec3::new(0.37, 0.0, distance);
+            scene.look(spot + Vec3::new(0.2, 0.5, 0.1), spot, 2)
+        };
+        let expected = picture(&triangles, None);
+        suite.judge(picture(&patch, None).radiance.p_same(&expected.radiance), "light of a patch");
+        suite.judge(picture(&triangles, Some(&floor)).radiance.p_same(&expected.radiance), "on a patch");
+        suite.judge(picture(&patch, Some(&floor)).radiance.p_same(&expected.radiance), "both");
+    }
+}
+
+/// The same of a disk, under an even sky.
+#[test]
+fn disks_at_height_0_are_not_in_their_own_shadow() {
+    let disk = Quadric::Disk { height: 0.0, radius: 7.0, inner_radius: 0.0, phi_max: TAU as f32 };
+    let mut suite = Suite::new(3);
+    for x in [0.1, 2.0, 6.5] {
+        let mut scene = Builder::default();
+        let grey = scene.diffuse(0.6, 0.0);
+        scene.sky(1.0);
+        scene.add(Geometry::Quadric(disk), grey);
+        let spot = Vec3::new(x, 0.3, 0.0);
+        let picture = scene.look(spot + Vec3::new(0.3, 0.1, 1.0), spot, 2);
+        suite.judge(picture.radiance.p_equals(f64::from(0.6_f32)), format_args!("at {x}"));
+    }
+}

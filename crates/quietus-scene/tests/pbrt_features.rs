@@ -730,3 +730,36 @@ fn measured_materials_come_from_tensor_files() {
     let error = load("cut.bsdf").expect_err("cut");
     assert!(error.file().ends_with("cut.bsdf") && error.message().contains("are left"), "{error}");
 }
+
+/// One lens of two surfaces, 50 mm wide: its focal length by the lensmaker's formula, 100 mm.
+#[test]
+fn lenses_of_realistic_cameras_are_one_thin_lens() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // Radii of 100 mm, an index of 1.5, next to no thickness; the stop lies behind it.
+    let file = "# a comment\n100 0.001 1.5 50\n-100 0.001 1 50\n0 50 1 30\n";
+    std::fs::write(folder.path().join("lens.dat"), file).expect("a writable folder");
+    let camera = |more: &str| {
+        let text = format!(
+            "Camera \"realistic\" \"string lensfile\" \"lens.dat\" {more}\nFilm \"rgb\" \"float diagonal\" 50\
+             \"integer xresolution\" 400 \"integer yresolution\" 300\nWorldBegin"
+        );
+        load_bytes(&folder.path().join("a.pbrt"), text.as_bytes())
+    };
+    let scene = camera("\"float aperturediameter\" 20 \"float focusdistance\" 10").expect("sound").scene;
+    let camera_read = &scene.cameras[0];
+    // 1 / image + 1 / object = 1 / 0.1, and 10 m from the film to what is sharp.
+    let image = 5.0 - (25.0_f32 - 1.0).sqrt();
+    let close = |a: f32, b: f32| (a / b - 1.0).abs() < 1e-3;
+    assert!(close(camera_read.focus_distance, 10.0 - image), "{}", camera_read.focus_distance);
+    assert!(close(camera_read.lens_radius, 0.01), "{}", camera_read.lens_radius);
+    let Projection::Perspective { fov, axis: FrameAxis::Vertical } = camera_read.projection else { panic!() };
+    assert!(close((0.5 * fov).tan(), 0.015 / image), "{fov}");
+    assert!(close(camera_read.to_world.translation.z, image), "{}", camera_read.to_world.translation);
+    let light = scene.picture.exposure.expect("as much light as the opening lets through").x;
+    assert!(close(light, PI * (0.01 / image).powi(2)), "{light}");
+    // The stop is no wider than it was made.
+    let wide = camera("\"float aperturediameter\" 90").expect("sound").scene;
+    assert!(close(wide.cameras[0].lens_radius, 0.015));
+    let near = camera("\"float focusdistance\" 0.3").expect_err("nearer than four focal lengths");
+    assert!(near.message().contains("focused"), "{near}");
+}

@@ -1,9 +1,9 @@
-//! Replays the fuzzers' corpora of pbrt and PLY files, whole, cut short and damaged: every file gives a scene or an
+//! Replays the fuzzers' corpora of pbrt, PLY and tensor files, whole, cut short and damaged: every file gives a scene or an
 //! error, never a panic.
 
 use std::path::Path;
 
-use quietus_scene::{SceneError, load_bytes, read_ply_bytes};
+use quietus_scene::{SceneError, load_bytes, read_measured_bytes, read_ply_bytes};
 
 type Files = Vec<(String, Vec<u8>)>;
 
@@ -17,7 +17,7 @@ fn corpus(name: &str) -> Files {
         })
         .collect();
     files.sort();
-    assert!(files.len() >= 10, "only {} files in {}", files.len(), folder.display());
+    assert!(files.len() >= 8, "only {} files in {}", files.len(), folder.display());
     files
 }
 
@@ -31,6 +31,10 @@ fn read_ply(bytes: &[u8]) -> Result<(), SceneError> {
     let vertices = mesh.positions.len();
     assert!(mesh.triangles.as_flattened().iter().all(|&index| (index as usize) < vertices));
     Ok(())
+}
+
+fn read_measured(bytes: &[u8]) -> Result<(), SceneError> {
+    read_measured_bytes("fuzz.bsdf".as_ref(), bytes).map(|_| ())
 }
 
 /// Numbers from Knuth's linear congruential generator (MMIX); its high bits are good enough to pick bytes.
@@ -97,4 +101,9 @@ fn scenes_of_pbrt() {
 #[test]
 fn ply_files() {
     check(&corpus("ply"), read_ply);
+}
+
+#[test]
+fn measured_materials() {
+    check(&corpus("measured"), read_measured);
 }

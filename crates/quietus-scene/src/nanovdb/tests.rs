@@ -275,3 +275,37 @@ fn what_is_wrong_is_said() {
 fn bytes_of(bytes: &[u8], at: usize) -> [u8; 8] {
     bytes[at..at + 8].try_into().expect("8 bytes")
 }
+
+/// Headers, offsets and masks, which are few among the bytes of a file, with bytes changed: each gives grids or words.
+#[test]
+fn damaged_headers_are_read_or_refused() {
+    let sound = file(&[density()], 0);
+    let grid = SEGMENT + META + "density".len() + 1;
+    let upper = grid + HEADER + 64 + 64 + 3 * 32;
+    let places = [0..grid, grid..grid + 700, grid + HEADER..upper + 32, upper + 4128..upper + 8256 + 4096];
+    let mut bits = 0x5eed_u64;
+    let mut below = |end: usize| {
+        bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (bits >> 33) as usize % end
+    };
+    let mut outcomes = [0, 0];
+    for _ in 0..1500 {
+        let mut damaged = sound.clone();
+        for _ in 0..1 + below(3) {
+            let place = &places[below(places.len())];
+            let at = place.start + below(place.len());
+            damaged[at] = [damaged[at] ^ 1 << below(8), 0, 255, 128][below(4)];
+        }
+        let outcome = read_all(path(), &damaged);
+        outcomes[usize::from(outcome.is_err())] += 1;
+        if let Ok(grids) = &outcome {
+            let stored = |grid: &NanoGrid| (grid.grid.values.len() / 512) as u32;
+            let sound = |grid: &NanoGrid| {
+                let all = grid.grid.bricks.iter().flatten().copied();
+                all.into_iter().all(|brick| brick == Grid::<f32>::NOTHING || brick < stored(grid))
+            };
+            assert!(grids.iter().all(sound));
+        }
+    }
+    assert!(outcomes.iter().all(|&count| count > 100), "{outcomes:?}");
+}

@@ -19,6 +19,7 @@ use super::draft::{self, AreaLight, Draft, Form, Group};
 use super::fault::{Context, Fault, Result, unknown};
 use super::film;
 use super::images::Requests;
+use super::lens::{self, ThinLens};
 use super::light::Lights;
 use super::material::{Materials, Worn};
 use super::medium::Media;
@@ -36,14 +37,16 @@ pub(super) fn scene(mut draft: Draft, images: Requests, context: &Context) -> Re
     let lights = Lights::new(&draft.lights, context, &mut materials.textures.images)?;
     let media = Media::new(&draft.media, context)?;
     let shutter = Shutter::of(draft.camera.as_ref().map(|(entity, ..)| entity))?;
-    let picture = film::picture(&draft, shutter.close - shutter.open, context)?;
+    let lens = lens::of(&draft, film::size(&draft)?, context)?;
+    let light = lens.as_ref().map_or(1.0, ThinLens::brightness);
+    let picture = film::picture(&draft, (shutter.close - shutter.open) * light, context)?;
     let motion = Motion::new(&draft, shutter)?;
     let size = picture.size.unwrap_or([1, 1]);
     let mut scene = SceneDesc { picture, ..SceneDesc::default() };
     scene.cameras.push(match &draft.camera {
         Some((entity, to_world, medium)) => {
             let medium = media.get(medium.as_ref())?;
-            camera::read(entity, motion.of(*to_world), medium, size, context)?
+            camera::read(entity, motion.of(*to_world), medium, (size, lens), context)?
         }
         None => {
             context.warn_all("the scene has no camera: pbrt's own, at the origin, draws it");

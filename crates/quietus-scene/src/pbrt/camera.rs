@@ -5,6 +5,7 @@ use quietus_trace::desc::{Camera, FrameAxis, MediumId, Projection};
 
 use super::draft::Entity;
 use super::fault::{Context, Fault, Result, unknown};
+use super::lens::ThinLens;
 use super::params::Params;
 use super::transform::{Moving, Parts, single, uniform_scale};
 
@@ -39,18 +40,21 @@ pub(super) fn default(size: [u32; 2]) -> Camera {
     Camera { projection, aspect, ..Camera::perspective("camera", to_world, 1.0) }
 }
 
-/// Reads a camera; `size` is that of the picture.
+/// Reads a camera; `size` is that of the picture, `lens` what stands for its lenses if it has some.
 pub(super) fn read(
     entity: &Entity,
     to_world: Moving,
     medium: Option<MediumId>,
-    size: [u32; 2],
+    (size, lens): ([u32; 2], Option<ThinLens>),
     context: &Context,
 ) -> Result<Camera> {
     let params = &entity.params;
     let aspect = size[0] as f32 / size[1] as f32;
     let scale = camera_scale(params, to_world, context);
     let mut turned = upright(to_world);
+    let mut lens_radius =
+        params.float_where("lensradius", 0.0, |radius| radius >= 0.0, "at least 0")? * scale;
+    let mut focus = params.float_where("focaldistance", 1e6, |distance| distance > 0.0, "above 0")? * scale;
     let projection = match &*entity.kind {
         "perspective" => perspective(params, aspect, context)?,
         "orthographic" => orthographic(params, aspect, scale, context)?,
@@ -66,11 +70,19 @@ pub(super) fn read(
                 Projection::Spherical
             }
         }
-        "realistic" => realistic(params, context)?,
+        "realistic" => {
+            let message =
+                "lenses of realistic cameras are drawn as one thin lens: without distortion and vignetting";
+            context.warn(params.place, message);
+            let lens = lens.unwrap_or_else(|| unreachable!("realistic cameras have lenses"));
+            turned = turned
+                .after(Moving::still(DAffine3::from_translation(f64::from(scale) * lens.place * DVec3::Z)));
+            (lens_radius, focus) = (scale * lens.radius as f32, scale * lens.object as f32);
+            let fov = 2.0 * (0.5 * lens.height / lens.image).atan();
+            Projection::Perspective { fov: fov as f32, axis: FrameAxis::Vertical }
+        }
         kind => return Err(Fault::invalid(params.place, unknown("camera", kind, &KINDS))),
     };
-    let lens_radius = params.float_where("lensradius", 0.0, |radius| radius >= 0.0, "at least 0")? * scale;
-    let focus = params.float_where("focaldistance", 1e6, |distance| distance > 0.0, "above 0")? * scale;
     Shutter::of(Some(entity))?;
     params.finish()?;
     // pbrt's cameras look along +z, ours along -z.
@@ -165,11 +177,4 @@ fn perspective(params: &Params, aspect: f32, context: &Context) -> Result<Projec
 fn orthographic(params: &Params, aspect: f32, scale: f32, context: &Context) -> Result<Projection> {
     let (extent, axis) = screen(params, aspect, context)?;
     Ok(Projection::Orthographic { extent: 2.0 * extent * scale, axis })
-}
-
-/// Stands in for lenses of glass: a camera of about the usual angle.
-fn realistic(params: &Params, context: &Context) -> Result<Projection> {
-    context.warn(params.place, "realistic cameras are not drawn; a pinhole camera of 40 degrees stands in");
-    params.ignore(&["aperture", "aperturediameter", "focusdistance", "lensfile"]);
-    Ok(Projection::Perspective { fov: 40_f32.to_radians(), axis: FrameAxis::Shorter })
 }

@@ -73,6 +73,16 @@ pub(super) fn picture(draft: &Draft, open_for: f32, context: &Context) -> Result
     Ok(picture)
 }
 
+/// Width and height of the picture.
+pub(super) fn size(draft: &Draft) -> Result<[u32; 2]> {
+    draft.film.as_ref().map_or(Ok(SIZE), |film| size_of(&film.params))
+}
+
+fn size_of(params: &Params) -> Result<[u32; 2]> {
+    let side = |name, i: usize| -> Result<u32> { Ok(params.integer_from(name, 1)?.unwrap_or(SIZE[i])) };
+    Ok([side("xresolution", 0)?, side("yresolution", 1)?])
+}
+
 fn exposure(ratio: f32) -> Option<Vec3> {
     (ratio != 1.0).then(|| Vec3::splat(ratio))
 }
@@ -86,10 +96,7 @@ fn film(entity: &Entity, open_for: f32, context: &Context, picture: &mut Picture
     if kind != "rgb" {
         context.warn(params.place, format!("film \"{kind}\" is drawn as film \"rgb\""));
     }
-    let size = [
-        params.integer_from("xresolution", 1)?.unwrap_or(SIZE[0]),
-        params.integer_from("yresolution", 1)?.unwrap_or(SIZE[1]),
-    ];
+    let size = size_of(params)?;
     picture.size = Some(size);
     picture.crop = crop(params, size)?;
     let iso = params.float_where("iso", 100.0, |iso| iso > 0.0, "above 0")?;

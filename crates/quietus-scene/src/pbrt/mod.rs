@@ -19,6 +19,7 @@ mod fault;
 mod film;
 mod grid;
 mod images;
+mod lens;
 mod lexer;
 mod light;
 mod material;

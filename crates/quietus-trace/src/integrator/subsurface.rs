@@ -119,14 +119,16 @@ impl<I: Isa> Path<'_, I> {
     pub(super) fn wander(&mut self, depth: u32, counts: &mut TileCounts) -> Arrival {
         let (scene, medium) = (self.scene, self.depths.medium);
         self.sampler.start_dimension(CAMERA_DIMENSIONS + depth * VERTEX_DIMENSIONS - 1);
-        let mut flight = Flight::new(self.throughput, self.sampler.next_1d());
         let mut chance = Chance::new(mix64(self.coverage_key ^ u64::from(2 * depth)));
+        let (mut flight, mut left) =
+            Flight::in_channel(self.throughput, self.sampler.next_1d(), chance.number());
         let (mut trust, mut travelled) = (self.throughput.max_element(), 0.0);
         for step in 1..=MOST_STEPS {
             counts.rays += 1;
             let ray = Ray { t_max: flight.free(&medium), ..self.ray() };
             let hit = scene.accel.closest(self.isa, &ray, |hit| self.covers(hit, &ray, 2 * depth));
             if let Some(scattered) = flight.fly(&medium, hit.map_or(f32::INFINITY, |hit| hit.t)) {
+                let number = flight.channel_number(&medium, Some(scattered.distance), left);
                 travelled += scattered.distance;
                 self.throughput *= scattered.weight;
                 self.origin += scattered.distance * self.direction;
@@ -136,7 +138,7 @@ impl<I: Isa> Path<'_, I> {
                 if !self.goes_on(step, &mut trust, &mut chance) {
                     break;
                 }
-                flight = Flight::new(self.throughput, chance.number());
+                (flight, left) = Flight::in_channel(self.throughput, number, chance.number());
                 continue;
             }
             let Some(hit) = hit else {
@@ -159,7 +161,8 @@ impl<I: Isa> Path<'_, I> {
                     }
                     self.direction -= 2.0 * cosine * surface.geometric_normal;
                     self.origin = surface.leave(self.direction);
-                    flight = Flight::new(self.throughput, chance.number());
+                    let number = flight.channel_number(&medium, None, left);
+                    (flight, left) = Flight::in_channel(self.throughput, number, chance.number());
                 }
             }
         }

@@ -31,9 +31,7 @@ impl Passage {
     /// alike.
     #[inline]
     pub(crate) fn new(carried: Vec3) -> Self {
-        let total = carried.element_sum();
-        let sound = total > 0.0 && total.is_finite();
-        let survival = if sound { carried / total } else { Vec3::splat(1.0 / 3.0) };
+        let survival = shares(carried);
         Self { survival, transmittance: Vec3::ONE, estimate: Vec3::ONE, expected: Vec3::ONE }
     }
 
@@ -97,6 +95,29 @@ impl Passage {
     }
 }
 
+/// Parts of a whole. Where that is nothing or not finite all are alike.
+#[inline(always)]
+fn shares(parts: Vec3) -> Vec3 {
+    let total = parts.element_sum();
+    let sound = total > 0.0 && total.is_finite();
+    if sound { parts / total } else { Vec3::splat(1.0 / 3.0) }
+}
+
+/// Which share `u` in `[0, 1)` falls into, and how far into it.
+#[inline(always)]
+fn choose(share: Vec3, u: f32) -> (usize, f32) {
+    let (channel, rest) = if u < share.x {
+        (0, u)
+    } else if u < share.x + share.y || share.z <= 0.0 {
+        (1, u - share.x)
+    } else {
+        (2, u - share.x - share.y)
+    };
+    // Rounding may end in a channel without a share, to which any number is as good as another.
+    let u = (rest / share[channel]).clamp(0.0, 1.0 - f32::EPSILON / 2.0);
+    (channel, if u.is_nan() { 0.5 } else { u })
+}
+
 /// A flight under way: from where light last scattered through all borders up to where it scatters next.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Flight {
@@ -121,18 +142,37 @@ impl Flight {
     #[inline]
     pub(crate) fn new(carried: Vec3, u: f32) -> Self {
         let passage = Passage::new(carried);
-        let share = passage.survival;
-        let (channel, rest) = if u < share.x {
-            (0, u)
-        } else if u < share.x + share.y || share.z <= 0.0 {
-            (1, u - share.x)
-        } else {
-            (2, u - share.x - share.y)
-        };
-        // Rounding may end in a channel without a share, to which any number is as good as another.
-        let u = (rest / share[channel]).clamp(0.0, 1.0 - f32::EPSILON / 2.0);
-        let u = if u.is_nan() { 0.5 } else { u };
+        let (channel, u) = choose(passage.survival, u);
         Self { passage, channel, depth: -(-u).ln_1p() }
+    }
+
+    /// The same with a number of its own for the channel, which lives on: see [`Self::channel_number`]. Returns what is left
+    /// of it.
+    #[inline]
+    pub(crate) fn in_channel(carried: Vec3, u_channel: f32, u: f32) -> (Self, f32) {
+        let passage = Passage::new(carried);
+        let (channel, left) = choose(passage.survival, u_channel);
+        (Self { passage, channel, depth: -(-u).ln_1p() }, left)
+    }
+
+    /// The number in `[0, 1)` for the channel of the next flight, from what was `left` of that of this one: uniform whatever the
+    /// path has become, and in the same channel as long as light loses as much in all of them.
+    ///
+    /// Paths as this one come from the channels in proportion to the chance that each makes them. The number is put back
+    /// among these as it was taken. So samples that are well spread over channels stay so for all of a walk.
+    #[inline]
+    pub(crate) fn channel_number(&self, medium: &Medium, scattered: Option<f32>, left: f32) -> f32 {
+        let chances = match scattered {
+            Some(distance) => medium.transmittance(distance) * medium.extinction,
+            None => Vec3::ONE,
+        };
+        let share = shares(self.passage.survival * chances);
+        let before = match self.channel {
+            0 => 0.0,
+            1 => share.x,
+            _ => share.x + share.y,
+        };
+        (before + left * share[self.channel]).min(1.0 - f32::EPSILON / 2.0)
     }
 
     /// How far it goes in a medium that is the same everywhere until it is scattered.

@@ -210,3 +210,25 @@ fn borders_know_their_sides() {
     assert!(Border::new(None).is_none());
     assert!(Inside::VACUUM.of(&[medium(Vec3::ONE, Vec3::ONE)]).is_none());
 }
+
+/// The number that chooses channels stays uniform over the walk, whatever becomes of the light in each of them.
+#[test]
+fn numbers_of_channels_stay_uniform() {
+    let medium = Medium::below([Vec3::new(0.1, 1.5, 0.0), Vec3::new(1.0, 2.0, 0.3)], 0.0);
+    let mut rng = Rng::new(77);
+    let (mut counts, walks) = ([0_u64; 32], 200_000);
+    for _ in 0..walks {
+        let (mut carried, mut number) = (Vec3::new(0.2, 0.5, 0.9), rng.next_1d());
+        for step in 0..4 {
+            let (mut flight, left) = Flight::in_channel(carried, number, rng.next_1d());
+            // Now and then something is in the way.
+            let length = if step == 2 { 0.4 } else { f32::INFINITY };
+            let scattered = flight.fly(&medium, length);
+            number = flight.channel_number(&medium, scattered.map(|s| s.distance), left);
+            carried *= scattered.map_or_else(|| flight.passage.weight(), |s| s.weight);
+        }
+        counts[(number * 32.0) as usize] += 1;
+    }
+    let mut suite = Suite::new(1);
+    suite.judge(chi_square(&counts, &[f64::from(walks) / 32.0; 32]), "numbers after four flights");
+}

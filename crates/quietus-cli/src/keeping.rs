@@ -61,6 +61,9 @@ const FREE: [&str; 9] = [
 const ONE_WAY: [(&str, Direction); 3] =
     [("noise", Direction::Down), ("target_error", Direction::Down), ("max_samples", Direction::Up)];
 
+/// What a recording holds itself, so that who draws again need not know it.
+const RECORDED: &[&str] = &["aov_noise"];
+
 #[derive(Clone, Copy, PartialEq)]
 enum Direction {
     Up,
@@ -152,7 +155,7 @@ fn state(path: &Path, now: &Identity, layout: &Layout) -> Result<RenderState, Fa
     let one_way = ONE_WAY
         .into_iter()
         .filter_map(|(name, direction)| forbidden(name, direction, then.setting(name), now.setting(name)));
-    check_same(path, checkpoint.header(), now, one_way)?;
+    check_same(path, checkpoint.header(), now, &[], one_way)?;
     checkpoint.state(layout).map_err(broken)
 }
 
@@ -160,18 +163,20 @@ fn state(path: &Path, now: &Identity, layout: &Layout) -> Result<RenderState, Fa
 fn recording(path: &Path, now: &Identity, layout: &Layout) -> Result<Recording, Failure> {
     let broken = |error| Failure::input(format!("{}: {error}", path.display()));
     let file = RecordingFile::open(path).map_err(broken)?;
-    check_same(path, file.header(), now, None)?;
+    check_same(path, file.header(), now, RECORDED, None)?;
     file.recording(layout).map_err(broken)
 }
 
-/// Refuses a file of another picture than `now`, or with `more` that speaks against it; warns of one of another machine.
+/// Refuses a file of another picture than `now`, the settings in `free` aside, or with `more` that speaks against it; warns of
+/// one of another machine.
 fn check_same(
     path: &Path,
     then: &Header,
     now: &Identity,
+    free: &[&str],
     more: impl IntoIterator<Item = String>,
 ) -> Result<(), Failure> {
-    let mut differences = differences(&then.program, &then.identity, now);
+    let mut differences = differences(&then.program, &then.identity, now, free);
     differences.extend(more);
     if !differences.is_empty() {
         let differences = differences.join("\n  ");
@@ -200,9 +205,10 @@ fn identity(settings: Metadata) -> Identity {
     Identity { settings, files }
 }
 
-/// What differs of the program, the scene and the settings that have to be the same.
-fn differences(program: &str, then: &Identity, now: &Identity) -> Vec<String> {
-    let may_differ = |name: &str| FREE.contains(&name) || ONE_WAY.iter().any(|(other, _)| *other == name);
+/// What differs of the program, the scene and the settings that have to be the same, which those in `free` need not.
+fn differences(program: &str, then: &Identity, now: &Identity, free: &[&str]) -> Vec<String> {
+    let is_free = |name: &str| FREE.contains(&name) || free.contains(&name);
+    let may_differ = |name: &str| is_free(name) || ONE_WAY.iter().any(|(other, _)| *other == name);
     let other_program =
         (program != PROGRAM).then(|| format!("it was drawn by version {program}, this is {PROGRAM}"));
     other_program.into_iter().chain(then.differences(now, may_differ)).collect()

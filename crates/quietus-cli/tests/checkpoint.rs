@@ -127,6 +127,20 @@ fn a_picture_that_time_ended_is_drawn_again_bit_for_bit() {
 }
 
 #[test]
+fn what_was_asked_of_aovs_need_not_be_known_to_draw_again() {
+    let dir = dir();
+    let again = "render --size 40x24 --max-depth 6 -o a.exr";
+    succeeds(
+        dir.path(),
+        &format!("{again} --noise 4% --aov-noise alpha=3% --aov-noise normal=3% --record r.qrec"),
+    );
+    let expected = picture(dir.path());
+    std::fs::remove_file(dir.path().join("a.exr")).unwrap();
+    succeeds(dir.path(), &format!("{again} --replay r.qrec"));
+    assert!(picture(dir.path()) == expected);
+}
+
+#[test]
 fn interrupted_by_hand_it_goes_on_with_another_number_of_threads() {
     let expected = uninterrupted(PICTURE);
     let dir = dir();

@@ -21,6 +21,8 @@ pub(crate) struct VisitReplicate {
 pub(crate) struct VisitAovs {
     /// Albedo, normal, depth.
     pub sum: [f64; 7],
+    /// Squares of alpha, albedo and normal, the channels of each added up.
+    pub squares: [f64; 3],
     /// Samples whose camera ray hit a surface: the ones with a depth.
     pub hits: u32,
 }
@@ -106,6 +108,14 @@ fn values(sample: &Sample) -> ([f32; 4], [f32; 7]) {
     ([c.x, c.y, c.z, sample.alpha], [a.x, a.y, a.z, n.x, n.y, n.z, sample.depth])
 }
 
+/// Squares of alpha, albedo and normal; finite, as no magnitude is beyond the largest.
+#[inline]
+fn squares(sample: &Sample) -> [f32; 3] {
+    let squares =
+        [sample.alpha * sample.alpha, sample.albedo.length_squared(), sample.normal.length_squared()];
+    squares.map(|square| square.min(MAX_MAGNITUDE))
+}
+
 impl SampleSink for TileBuffer {
     /// Takes a sample; one that is not finite in any of its parts is counted and otherwise dropped whole, so that
     /// colour, alpha and AOVs of a pixel always speak of the same samples.
@@ -127,6 +137,9 @@ impl SampleSink for TileBuffer {
             *sum += f64::from(value);
         }
         let target = &mut self.aovs[pixel];
+        for (sum, square) in target.squares.iter_mut().zip(squares(sample)) {
+            *sum += f64::from(square);
+        }
         target.hits += u32::from(sample.depth > 0.0);
         for (sum, value) in target.sum.iter_mut().zip(aovs) {
             *sum += f64::from(value);

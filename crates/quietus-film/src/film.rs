@@ -34,19 +34,33 @@ impl Replicate {
     }
 }
 
-/// Sums of albedo, normal and depth over the accepted samples of all replicates of a pixel.
+/// Sums of albedo, normal and depth over the accepted samples of all replicates of a pixel, and of squares.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Aovs {
     sum: [f32; 7],
+    /// Of alpha, albedo and normal.
+    squares: [f32; 3],
     hits: u32,
 }
 
 impl Aovs {
     fn add(&mut self, visit: &VisitAovs) {
         self.hits = self.hits.saturating_add(visit.hits);
-        for (sum, more) in self.sum.iter_mut().zip(visit.sum) {
+        let sums = self.sum.iter_mut().chain(&mut self.squares);
+        for (sum, more) in sums.zip(visit.sum.iter().chain(&visit.squares)) {
             *sum = (f64::from(*sum) + more) as f32;
         }
+    }
+
+    /// The variances of one sample's alpha, albedo and normal, means over their channels, as far as sums in `f32` tell;
+    /// `alpha` is the sum of alpha over the `count` samples.
+    pub fn variances(&self, alpha: f64, count: u32) -> [f64; 3] {
+        let count = f64::from(count.max(1));
+        let length =
+            |from: usize| self.sum[from..from + 3].iter().map(|&sum| (f64::from(sum) / count).powi(2)).sum();
+        let means: [f64; 3] = [(alpha / count).powi(2), length(0), length(3)];
+        let variance = |i: usize| (f64::from(self.squares[i]) / count - means[i]).max(0.0);
+        [variance(0), variance(1) / 3.0, variance(2) / 3.0]
     }
 
     /// Mean albedo over `count` samples.
@@ -139,7 +153,7 @@ impl Film {
     }
 
     /// Adds what a visit to tile `index` collected, clears the buffer, and shows the tile's replicates (R in a row
-    /// per pixel, 64 pixels row by row) to `look` under the same lock, for the pixel errors.
+    /// per pixel, 64 pixels row by row) and other sums to `look` under the same lock, for the pixel errors.
     ///
     /// # Panics
     /// When `index` is not below the number of tiles, or the buffer was made for another number of replicates.
@@ -147,14 +161,14 @@ impl Film {
         &self,
         index: usize,
         buffer: &mut TileBuffer,
-        look: impl FnOnce(&[Replicate]) -> T,
+        look: impl FnOnce(&[Replicate], &[Aovs; TILE_PIXELS]) -> T,
     ) -> (VisitSummary, T) {
         assert_eq!(buffer.replicates_per_pixel(), self.layout.replicates(), "buffer made for another film");
         let summary = buffer.summary();
         let seen = {
             let mut tile = lock(&self.tiles[index]);
             add_visit(&mut tile, buffer);
-            look(&tile.replicates)
+            look(&tile.replicates, &tile.aovs)
         };
         if summary.rejected > 0 {
             lock(&self.rejected).merge(buffer.rejected());
@@ -285,7 +299,7 @@ mod tests {
         let mut buffer = TileBuffer::new(2);
         [1.0, 2.0, 3.0].iter().for_each(|&v| buffer.add(&work(1, 1, 9, 0), 0, &grey(v)));
         buffer.add(&work(1, 1, 9, 1), 0, &grey(10.0));
-        let (summary, counts) = film.commit(0, &mut buffer, |r| [r[18].count, r[19].count]);
+        let (summary, counts) = film.commit(0, &mut buffer, |r, _| [r[18].count, r[19].count]);
         assert_eq!(summary, VisitSummary { drawn: 4, rejected: 0 });
         assert_eq!(counts, [3, 1]);
         let picture = film.picture(|replicates| replicates[1].sum[0]);
@@ -304,7 +318,7 @@ mod tests {
         let mut buffer = TileBuffer::new(2);
         buffer.add(&work(8, 1, 8, 1), 0, &grey(0.3));
         buffer.add(&work(8, 1, 8, 1), 1, &grey(f32::NAN));
-        film.commit(1, &mut buffer, |_| ());
+        film.commit(1, &mut buffer, |_, _| ());
         let state = film.state();
         let other = Film::restored(layout(), &state).unwrap();
         assert_eq!(other.state(), state);
@@ -327,7 +341,7 @@ mod tests {
         ];
         bad.iter().enumerate().for_each(|(i, s)| buffer.add(&work(31, 22, 17, 0), i as u32, s));
         buffer.add(&work(31, 22, 17, 0), 5, &grey(0.5));
-        let (summary, replicate) = film.commit(0, &mut buffer, |r| r[17]);
+        let (summary, replicate) = film.commit(0, &mut buffer, |r, _| r[17]);
         assert_eq!(summary, VisitSummary { drawn: 6, rejected: 5 });
         assert_eq!(replicate, Replicate { sum: [0.5, 0.5, 0.5, 1.0], count: 1 });
         let rejected = film.rejected();
@@ -342,9 +356,9 @@ mod tests {
         let mut buffer = TileBuffer::new(2);
         buffer.add(&work(0, 0, 0, 0), 0, &grey(1.0));
         buffer.add(&work(7, 7, 63, 1), 0, &grey(f32::NAN));
-        film.commit(0, &mut buffer, |_| ());
+        film.commit(0, &mut buffer, |_, _| ());
         assert_eq!(buffer.summary(), VisitSummary::default());
-        film.commit(0, &mut buffer, |_| ());
+        film.commit(0, &mut buffer, |_, _| ());
         assert_eq!(film.tile(0).replicates(0, 0)[0].count, 1);
         assert_eq!(film.rejected().count(), 1);
     }
@@ -357,7 +371,7 @@ mod tests {
         let mut buffer = TileBuffer::new(2);
         for _ in 0..2_000 {
             (0..100).for_each(|i| buffer.add(&work(0, 0, 0, 0), i, &grey(0.1)));
-            film.commit(0, &mut buffer, |_| ());
+            film.commit(0, &mut buffer, |_, _| ());
         }
         let mean = film.tile(0).replicates(0, 0)[0].mean().unwrap()[0];
         assert!((mean - 0.1).abs() <= 0.1 * 2_000.0 * f32::EPSILON / 2.0, "{mean}");
@@ -366,6 +380,6 @@ mod tests {
     #[test]
     fn a_film_takes_the_bytes_it_says() {
         let layout = Layout::full(9, 8).unwrap();
-        assert_eq!(layout.film_bytes(), 2 * (64 * (2 * 20 + 32) + size_of::<Mutex<Tile>>() as u64));
+        assert_eq!(layout.film_bytes(), 2 * (64 * (2 * 20 + 44) + size_of::<Mutex<Tile>>() as u64));
     }
 }

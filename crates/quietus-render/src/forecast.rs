@@ -22,7 +22,7 @@ const LEAST_FALL: f64 = 0.3;
 struct Pixel {
     /// Its squared error by the difference of halves.
     square: f64,
-    /// How much alpha, albedo and normal differ around it.
+    /// The squared error of its alpha, albedo and normal, over what was asked of them.
     edge: f64,
     /// Its samples.
     count: u32,
@@ -81,6 +81,8 @@ pub(crate) struct Forecast {
     /// Mean squared error by the difference of halves, in display space. Sampling that stops where halves agree makes
     /// it too small.
     pub(crate) square: f64,
+    /// Mean squared error of alpha, albedo and normal over those asked for, added up, if samples were independent.
+    pub(crate) edges: f64,
     /// The counts that a pixel comes by, with the policy `quietus`; none with uniform sampling.
     steps: Vec<u32>,
     counts: PassCounts,
@@ -95,6 +97,7 @@ impl Forecast {
         // Squares are sums over three channels, and the mean of two halves is off by half their difference.
         let square = squares.iter().sum::<f64>() / squares.len() as f64 / 12.0;
         let edges = edges(picture);
+        let edges_now = edges.as_ref().map_or(0.0, |edges| edges.iter().sum::<f64>() / edges.len() as f64);
         let stride = squares.len().div_ceil(PIXELS).max(1);
         let mut pixels = Vec::with_capacity(squares.len().div_ceil(stride));
         for_each_pixel(sampling, |place, count, quota| {
@@ -106,7 +109,7 @@ impl Forecast {
         });
         let is_dealt = sampling.settings().policy == Policy::Quietus;
         let steps = if is_dealt { steps(&counts) } else { Vec::new() };
-        Self { pixels, square, steps, counts, fall: 1.0 }
+        Self { pixels, square, edges: edges_now, steps, counts, fall: 1.0 }
     }
 
     /// The same where the squared error falls as samples to the power of minus `fall`.

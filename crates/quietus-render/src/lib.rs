@@ -4,6 +4,7 @@
 //! them; [`render`] owns the threads that carry one to the other. Nothing here decides anything about pixels or
 //! light.
 
+mod aov_demand;
 pub mod checkpoint;
 mod clock;
 mod costs;

@@ -111,7 +111,7 @@ impl Outlook {
             return;
         }
         if !self.scout.has_picks() {
-            self.scout.choose(&Copied::of(film, self.weights.as_deref(), false).finished());
+            self.scout.choose(&Copied::of(film, self.weights.as_deref(), None).finished());
         }
         let (least, share) = LEAST_SCOUTED;
         let total = self.total.map_or(0.0, |total| total.samples).max(self.first_samples);

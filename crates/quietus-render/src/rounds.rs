@@ -14,6 +14,7 @@ use quietus_film::Film;
 use quietus_trace::tile::TileCounts;
 use serde::{Deserialize, Serialize};
 
+use crate::aov_demand::AovDemand;
 use crate::checkpoint::{Keeper, RenderState};
 use crate::clock::Clock;
 use crate::costs::Costs;
@@ -420,8 +421,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
     }
 
     fn copied(&self) -> Copied {
-        let with_aovs = self.settings.aov_noise.iter().any(Option::is_some);
-        Copied::of(&self.film, self.settings.weights.as_deref(), with_aovs)
+        Copied::of(&self.film, self.settings.weights.as_deref(), AovDemand::of(self.settings))
     }
 
     fn clock<'c>(&self, control: &Control<'c>) -> Clock<'c> {
@@ -471,7 +471,8 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         let (tracer, costs) = (self.tracer, &self.costs);
         let corner = [self.settings.window.x0, self.settings.window.y0];
         let weights = self.settings.weights.as_deref().map(|weights| (weights, corner));
-        let round = Round { tracer, film, sampling, live: control.live, counters, costs, weights };
+        let (live, aov_demand) = (control.live, begun.aim.aov_demand);
+        let round = Round { tracer, film, sampling, live, counters, costs, weights, aov_demand };
         let watch = || {
             stopped_by = stopped_by.or(clock.stops(control));
             let is_over = round_end.is_some_and(|end| clock.elapsed() >= end);

@@ -10,6 +10,7 @@ use quietus_film::{Film, LayoutError, TILE_PIXELS, TileBuffer};
 use quietus_trace::tile::{PixelWork, TileCounts};
 use serde::{Deserialize, Serialize};
 
+use crate::aov_demand::AovDemand;
 use crate::costs::Costs;
 use crate::crew;
 use crate::fault::{Fault, locate};
@@ -180,6 +181,8 @@ pub(crate) struct Round<'a, T> {
     pub(crate) costs: &'a Costs,
     /// Where error matters more, and the place of the window in the frame.
     pub(crate) weights: Option<(&'a Weights, [u32; 2])>,
+    /// What is asked of alpha, albedo and normals.
+    pub(crate) aov_demand: Option<AovDemand>,
 }
 
 impl<T: Tracer> Round<'_, T> {
@@ -233,9 +236,14 @@ impl<T: Tracer> Round<'_, T> {
                     return;
                 }
             };
-            let (summary, mut errors) = self
-                .film
-                .commit(visit.tile() as usize, &mut buffer, |replicates| tile_errors(metric, replicates));
+            let (summary, mut errors) =
+                self.film.commit(visit.tile() as usize, &mut buffer, |replicates, aovs| {
+                    let mut errors = tile_errors(metric, replicates);
+                    if let Some(demand) = &self.aov_demand {
+                        demand.add(replicates, aovs, &mut errors);
+                    }
+                    errors
+                });
             if let Some((weights, [x0, y0])) = self.weights {
                 let rect = self.sampling.grid().tile_rect(visit.tile());
                 weights.weigh([x0 + rect.x0, y0 + rect.y0], &mut errors);

@@ -15,6 +15,7 @@ use std::time::Duration;
 use quietus::{AdaptiveSampling, Approach};
 use serde::{Deserialize, Serialize};
 
+use crate::aov_demand::AovDemand;
 use crate::forecast::{Ahead, Forecast, Past, even};
 use crate::noise::{Copied, Effort, Measured, Noise, OfAovs};
 use crate::pixel_errors::REPLICATES;
@@ -40,6 +41,10 @@ const FIRST_FALL: f64 = 1.1;
 
 /// The same for alpha, albedo and normal: edges, where low-discrepancy points gain more.
 const FIRST_EDGE_FALL: f64 = 1.25;
+
+/// Variance of the logarithm of what low-discrepancy points have gained at edges, before a measurement says: between nothing and
+/// several times.
+const EDGE_VARIANCE: f64 = 0.6;
 
 /// Falls that are believed.
 const FALLS: std::ops::RangeInclusive<f64> = 0.6..=1.6;
@@ -71,6 +76,8 @@ pub(crate) struct Aim {
     pub(crate) is_last: bool,
     /// What quotas will be multiplied by in the rounds that follow.
     pub(crate) factor_left: f64,
+    /// What is asked of alpha, albedo and normals.
+    pub(crate) aov_demand: Option<AovDemand>,
 }
 
 /// What is to be done after a round.
@@ -101,6 +108,10 @@ pub(crate) struct Learnt {
     /// That of alpha, albedo and normal, measured with it.
     aovs: OfAovs<Noise>,
     calibration: Calibration,
+    /// The same for alpha, albedo and normal, whose variances the film knows: what low-discrepancy points gain.
+    edge_calibration: Calibration,
+    /// The mean squared errors of alpha, albedo and normal over those asked for, added up, by all that was measured.
+    edge_square: Option<f64>,
     /// The mean squared error of the picture that was looked at last, by all that was measured.
     square: Option<f64>,
     /// The squared error falls as samples to the power of minus this.
@@ -121,6 +132,8 @@ impl Steering {
             measured: None,
             aovs: OfAovs::default(),
             calibration: Calibration::default(),
+            edge_calibration: Calibration { ratio: 0.0, variance: EDGE_VARIANCE },
+            edge_square: None,
             square: None,
             fall: FIRST_FALL,
             edge_fall: FIRST_EDGE_FALL,
@@ -157,13 +170,25 @@ impl Steering {
             Goal::Noise(_) | Goal::Limits => (FIRST_TARGET, min_samples.max(1), false),
         };
         let lag = self.settings.machinery.lag;
-        Aim { target_error, samples, lag, approach: self.approach(), is_last, factor_left: 1.0 }
+        Aim {
+            target_error,
+            samples,
+            lag,
+            approach: self.approach(),
+            is_last,
+            factor_left: 1.0,
+            aov_demand: self.aov_demand(),
+        }
     }
 
     /// How pixels come to their minimum: where time may end a render before they have it, so that it shows nowhere.
     fn approach(&self) -> Approach {
         let may_end_anywhere = self.settings.time_limit.is_some() && self.settings.sampling.can_forecast();
         if may_end_anywhere { Approach::Spread } else { Approach::Whole }
+    }
+
+    fn aov_demand(&self) -> Option<AovDemand> {
+        AovDemand::of(&self.settings)
     }
 
     /// Whether there may be more than one round.
@@ -204,7 +229,20 @@ impl Steering {
     /// samples.
     fn edges_goal(&self) -> f64 {
         let goals = self.asked_aovs().map(|(noise, asked)| (asked / noise.reached).powi(2));
-        goals.fold(f64::INFINITY, f64::min).powf(1.0 / self.learnt.edge_fall)
+        // One measurement knows which of them is furthest from its goal; how far, all of them do.
+        let measured = self.aovs_together().map_or(1.0, |noise| noise.reached.powi(2));
+        let believed = self.learnt.edge_square.filter(|&square| square > 0.0).unwrap_or(measured);
+        (goals.fold(f64::INFINITY, f64::min) * measured / believed).powf(1.0 / self.learnt.edge_fall)
+    }
+
+    /// The noises of alpha, albedo and normal over those asked for, added up as squares, with the precision of the least
+    /// known; `None` where nothing was asked for, or there is none.
+    fn aovs_together(&self) -> Option<Noise> {
+        let square: f64 = self.asked_aovs().map(|(noise, asked)| (noise.reached / asked).powi(2)).sum();
+        let deviation = self.asked_aovs().filter(|(noise, _)| noise.reached > 0.0);
+        let width = deviation.map(|(noise, _)| noise.high / noise.reached).reduce(f64::max)?;
+        let reached = square.sqrt();
+        Some(Noise { reached, low: reached / width, high: reached * width })
     }
 
     /// What keeps the picture from what was asked for.
@@ -238,26 +276,24 @@ impl Steering {
     /// Takes in a measurement; whether it may be reported depends on what follows.
     pub(crate) fn take(&mut self, measured: &Measured, forecast: &Forecast) {
         let noise = measured.noise;
-        self.learn_edges(measured);
         (self.learnt.measured, self.learnt.aovs) = (Some((noise, false)), measured.aovs);
+        self.learn_edges(forecast);
         self.learnt.calibration.take(noise, forecast.square);
         self.learnt.square = Some(self.learnt.calibration.square(forecast.square));
     }
 
-    /// Learns how fast the error of alpha, albedo and normal falls, from that which is furthest from its goal.
-    fn learn_edges(&mut self, measured: &Measured) {
-        let asked = self.settings.aov_noise;
-        let (mut furthest, mut fell) = (0.0, None);
-        for ((before, now), asked) in self.learnt.aovs.iter().zip(measured.aovs).zip(asked) {
-            if let (Some(before), Some(now), Some(asked)) = (before, now, asked)
-                && now.reached / asked > furthest
-            {
-                (furthest, fell) = (now.reached / asked, Some(2.0 * (before.reached / now.reached).ln()));
+    /// Learns how large the squared error of alpha, albedo and normal is, and how fast it falls.
+    fn learn_edges(&mut self, forecast: &Forecast) {
+        let Some(noise) = self.aovs_together() else { return };
+        self.learnt.edge_calibration.take(noise, forecast.edges);
+        let now = self.learnt.edge_calibration.square(forecast.edges);
+        let before = self.learnt.edge_square.replace(now);
+        if let (Some(before), Some(expected)) = (before, self.edges_fell) {
+            let fall = (now / before).ln() / expected.ln();
+            if fall.is_finite() {
+                let fall = fall.clamp(*FALLS.start(), *FALLS.end());
+                self.learnt.edge_fall = 0.5 * (self.learnt.edge_fall + fall);
             }
-        }
-        if let (Some(fell), Some(expected)) = (fell.filter(|fell| fell.is_finite()), self.edges_fell) {
-            let fall = (fell / -expected.ln()).clamp(*FALLS.start(), *FALLS.end());
-            self.learnt.edge_fall = 0.5 * (self.learnt.edge_fall + fall);
         }
     }
 
@@ -296,6 +332,7 @@ impl Steering {
             approach: self.approach(),
             is_last,
             factor_left: (goal.factor / next.factor).max(1.0),
+            aov_demand: self.aov_demand(),
         })
     }
 

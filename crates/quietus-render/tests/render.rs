@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use glam::Vec3;
 use quietus_film::{Layout, Picture, Window};
 use quietus_render::{
-    Control, Fault, Goal, Machinery, RenderError, RenderSettings, Rendered, Sampling, StoppedBy, Tracer,
-    Weights, render, shown_error,
+    Control, Fault, Goal, Keeping, Machinery, RenderError, RenderSettings, Rendered, Sampling, StoppedBy,
+    Tracer, Weights, render, shown_error,
 };
 use quietus_trace::tile::{PixelWork, Sample, SampleSink, TileCounts};
 
@@ -416,6 +416,12 @@ fn noise_of_aovs_is_reached_too() {
             if aov_noise[0].is_some() { alpha } else { f64::from(normal) / 3.0 }
         });
         let truth = (squares.sum::<f64>() / (48.0 * 40.0)).sqrt();
+        eprintln!(
+            "DBG {truth} {asked} {:?} {:?} spp {}",
+            rendered.statistics.aov_noise,
+            rendered.noise,
+            picture.samples.iter().map(|&s| f64::from(s)).sum::<f64>() / 1920.0
+        );
         // The picture itself would have stopped long before.
         assert!(rendered.noise.unwrap().high < 0.01);
         assert!((0.85..1.15).contains(&(truth / asked)), "{truth} for {asked}");
@@ -426,6 +432,49 @@ fn noise_of_aovs_is_reached_too() {
     }
     let lonely = RenderSettings { aov_noise: [Some(0.1), None, None], ..settings(8, 8, Sampling::Quietus) };
     assert!(matches!(draw(&Func(noise), &lonely), Err(RenderError::AovNoise)));
+}
+
+/// As under a lens: a sixteenth of the picture has normals that differ from sample to sample, and its colours do not. Samples
+/// go there, so that the whole needs a fraction of what it would if each pixel got as many.
+#[test]
+fn samples_are_dealt_where_only_an_aov_is_noisy() {
+    let is_blurred = |x: u32, y: u32| x < 16 && y < 16;
+    let lens = |run: &PixelWork, index: u32| {
+        let random = random(run, index);
+        let normal = if is_blurred(run.x, run.y) && random < 0.5 { Vec3::X } else { Vec3::Y };
+        // Noise of the picture, everywhere the same.
+        Sample { alpha: 1.0, normal, ..grey(0.25 * (0.9 + 0.2 * random)) }
+    };
+    let asked = 0.005;
+    let settings = RenderSettings {
+        goal: Goal::Noise(0.02),
+        aov_noise: [None, None, Some(asked)],
+        max_samples: 1 << 20,
+        ..settings(64, 64, Sampling::Quietus)
+    };
+    let rendered = draw(&Func(lens), &settings).unwrap();
+    let picture = rendered.film.picture(shown_error);
+    let places = || (0..64 * 64_usize).map(|place| (place, is_blurred(place as u32 % 64, place as u32 / 64)));
+    let squares = places().map(|(place, is_blurred)| {
+        let truth = if is_blurred { Vec3::new(0.5, 0.5, 0.0) } else { Vec3::Y };
+        f64::from((Vec3::from(picture.normal[place]) - truth).length_squared()) / 3.0
+    });
+    let truth = (squares.sum::<f64>() / (64.0 * 64.0)).sqrt();
+    let counts = |wanted: bool| {
+        let counts =
+            places().filter(|&(_, is)| is == wanted).map(|(place, _)| f64::from(picture.samples[place]));
+        let counts: Vec<_> = counts.collect();
+        counts.iter().sum::<f64>() / counts.len() as f64
+    };
+    let (blurred, sharp) = (counts(true), counts(false));
+    // Two channels of variance 1/4, means over three: as many samples as the blurred ones need at least.
+    let needed = 0.5 / 3.0 / 16.0 / (asked * asked);
+    assert!(truth < 1.15 * asked, "{truth} for {asked}");
+    // Where only the picture is noisy, that is clean long before.
+    assert!(
+        (blurred + 15.0 * sharp) / 16.0 < 0.5 * needed,
+        "{blurred} and {sharp} where {needed} are needed"
+    );
 }
 
 #[test]
@@ -481,5 +530,54 @@ fn another_noise_can_be_asked_for_while_it_renders() {
         let reached = rendered.noise.unwrap();
         assert!(reached.low < 0.006 * 1.15, "{goal:?}: {reached:?}");
         assert_eq!((rendered.stopped_by, rendered.statistics.noise_asked), (StoppedBy::Done, Some(0.6)));
+    }
+}
+
+/// What somebody did to a render while looking on is drawn again without them: noise asked for while it ran and when it was
+/// over, an end by hand in the middle of a round, and more of it afterwards. Alpha is asked for too: what it adds to errors
+/// depends on the noise asked for at the time.
+#[test]
+fn a_render_steered_by_hand_is_drawn_again_bit_for_bit() {
+    let started = RenderSettings {
+        goal: Goal::Noise(0.01),
+        aov_noise: [Some(0.02), None, None],
+        max_samples: 1 << 20,
+        ..settings(48, 40, Sampling::Quietus)
+    };
+    let edge = |run: &PixelWork, index: u32| {
+        let alpha = f32::from(u8::from(run.x != 20 || random(run, index) < 0.5));
+        Sample { alpha, ..noise_to_the_right(run, index) }
+    };
+    for ends_after in [10_000, 100_000, 400_000] {
+        let live = quietus_render::Live::new(&Layout::full(48, 40).unwrap());
+        let cancel = AtomicBool::new(false);
+        let mut watch = |watched: &quietus_render::Watched<'_>| {
+            let samples = watched.progress.samples;
+            if samples > ends_after / 4 {
+                live.ask_noise(0.002);
+            }
+            cancel.store(samples > ends_after, std::sync::atomic::Ordering::Relaxed);
+        };
+        let slow = |run: &PixelWork, index: u32| {
+            if index.is_multiple_of(8) {
+                std::thread::sleep(std::time::Duration::from_micros(5));
+            }
+            edge(run, index)
+        };
+        let control = &mut Control { cancel: &cancel, watch: &mut watch, live: Some(&live) };
+        let before = render(&Func(slow), &started, control).unwrap();
+        let ended = before.stopped_by;
+        let more = RenderSettings { goal: Goal::Noise(0.004), ..started.clone() };
+        let control = &mut Control { cancel: &AtomicBool::new(false), watch: &mut |_| (), live: None };
+        let rendered = quietus_render::go_on(&Func(edge), &more, before, control, None).unwrap();
+        for threads in [1, 3] {
+            // Nobody who draws it again has to know what was asked for.
+            let threads = NonZeroUsize::new(threads).unwrap();
+            let plain = RenderSettings { threads, ..settings(48, 40, Sampling::Quietus) };
+            let mut keeping = Keeping { replay: Some(rendered.recording.clone()), ..Keeping::default() };
+            let control = &mut Control { cancel: &AtomicBool::new(false), watch: &mut |_| (), live: None };
+            let again = quietus_render::render_keeping(&Func(edge), &plain, control, &mut keeping).unwrap();
+            assert!(again.film.state() == rendered.film.state(), "{ends_after} samples, {ended:?}");
+        }
     }
 }

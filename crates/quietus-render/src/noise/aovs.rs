@@ -64,21 +64,10 @@ impl Aov {
 /// Share of the mean that is added everywhere: no pixel is taken to be without noise.
 const FLOOR: f64 = 0.05;
 
-/// How much alpha, albedo and normals differ between each pixel and its neighbours: a stand-in for the noise of one sample,
-/// which is at edges. `None` where nobody wants to know.
+/// The squared errors of alpha, albedo and normals, sums over what was asked of them, with weights. `None` where nothing was.
 pub(crate) fn edges(picture: &Finished<'_>) -> Option<Vec<f64>> {
-    let aovs = picture.aovs?;
-    let mut edges = vec![0.0; aovs.len()];
-    for place in 0..aovs.len() {
-        let right = ((place + 1) % picture.width != 0).then_some(place + 1);
-        for other in [right, Some(place + picture.width)].into_iter().flatten().filter(|&o| o < aovs.len()) {
-            let pairs = aovs[place].iter().zip(&aovs[other]);
-            let square = pairs.map(|(&a, &b)| f64::from(a - b).powi(2)).sum::<f64>();
-            edges[place] += square;
-            edges[other] += square;
-        }
-    }
-    let floor = FLOOR * edges.iter().sum::<f64>() / edges.len() as f64 + f64::MIN_POSITIVE;
-    let weighted = |(place, edge): (usize, f64)| picture.squared_weight(place) * (edge + floor);
-    Some(edges.into_iter().enumerate().map(weighted).collect())
+    let squares = picture.aovs?;
+    let floor = FLOOR * squares.iter().sum::<f64>() / squares.len() as f64 + f64::MIN_POSITIVE;
+    let weighted = |(place, square): (usize, &f64)| picture.squared_weight(place) * (square + floor);
+    Some(squares.iter().enumerate().map(weighted).collect())
 }

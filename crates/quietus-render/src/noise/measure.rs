@@ -9,6 +9,7 @@ use quietus_film::{Film, Window};
 use quietus_trace::tile::{PixelWork, Sample, SampleSink};
 
 use super::{Aov, AovValues, Effort, Finished, Noise, OfAovs, Pick, estimate, pick};
+use crate::aov_demand::AovDemand;
 use crate::crew;
 use crate::live::Live;
 use crate::pixel_errors::REPLICATES;
@@ -28,7 +29,7 @@ pub fn measure_noise<T: Tracer>(
     cancel: &AtomicBool,
 ) -> Option<Noise> {
     let counters: Vec<_> = (0..threads.get()).map(|_| Counters::default()).collect();
-    let picture = Copied::of(&rendered.film, rendered.weights.as_deref(), false);
+    let picture = Copied::of(&rendered.film, rendered.weights.as_deref(), None);
     let window = rendered.film.layout().window();
     let measuring =
         Measuring { tracer, window, live: None, counters: &counters, number: 0, effort: Effort::REPORT };
@@ -132,13 +133,22 @@ pub(crate) struct Copied {
     counts: Vec<u32>,
     weights: Option<Vec<f32>>,
     aovs: Option<Vec<AovValues>>,
+    /// Their squared errors, as sums over what was asked for.
+    aov_squares: Option<Vec<f64>>,
 }
 
 impl Copied {
     /// The picture as it is displayed, and its halves.
     pub(crate) fn finished(&self) -> Finished<'_> {
-        let Self { width, halves, means, counts, weights, aovs } = self;
-        Finished { width: *width, halves, means, counts, weights: weights.as_deref(), aovs: aovs.as_deref() }
+        let Self { width, halves, means, counts, weights, aov_squares, .. } = self;
+        Finished {
+            width: *width,
+            halves,
+            means,
+            counts,
+            weights: weights.as_deref(),
+            aovs: aov_squares.as_deref(),
+        }
     }
 
     /// Its noise from pixels that were drawn again.
@@ -151,7 +161,7 @@ impl Copied {
         Measured { noise: estimate(&self.means, picks, &colors), aovs: aovs.unwrap_or_default() }
     }
 
-    pub(crate) fn of(film: &Film, weights: Option<&Weights>, with_aovs: bool) -> Self {
+    pub(crate) fn of(film: &Film, weights: Option<&Weights>, demand: Option<AovDemand>) -> Self {
         let window = film.layout().window();
         let pixels = window.pixels();
         let mut copied = Self {
@@ -160,7 +170,8 @@ impl Copied {
             means: vec![[0.0; 3]; pixels],
             counts: vec![0; pixels],
             weights: weights.map(|weights| weights.of_window(window)),
-            aovs: with_aovs.then(|| vec![[0.0; 7]; pixels]),
+            aovs: demand.map(|_| vec![[0.0; 7]; pixels]),
+            aov_squares: demand.map(|_| vec![0.0; pixels]),
         };
         let [across, down] = film.layout().tiles();
         for index in 0..across as usize * down as usize {
@@ -178,10 +189,13 @@ impl Copied {
                         (sum / f64::from(count.max(1))) as f32
                     };
                     copied.means[place] = [0, 1, 2].map(mean);
-                    if let Some(aovs) = &mut copied.aovs {
+                    if let (Some(aovs), Some(squares), Some(demand)) =
+                        (&mut copied.aovs, &mut copied.aov_squares, &demand)
+                    {
                         let others = tile.aovs(x - tile.window.x0, y - tile.window.y0);
                         let ([r, g, b], [nx, ny, nz]) = (others.albedo(count), others.normal(count));
                         aovs[place] = [mean(3), r, g, b, nx, ny, nz];
+                        squares[place] = demand.square(replicates, others) / f64::from(count.max(1));
                     }
                 }
             }

@@ -108,8 +108,8 @@ pub struct Finished<'a> {
     pub counts: &'a [u32],
     /// What the error of each pixel is multiplied by; 1 where there are none.
     pub weights: Option<&'a [f32]>,
-    /// Means of alpha, albedo and normal, where their noise is wanted too.
-    pub aovs: Option<&'a [AovValues]>,
+    /// Squared errors of alpha, albedo and normal as sums over what was asked for, where that was.
+    pub aovs: Option<&'a [f64]>,
 }
 
 impl Finished<'_> {

@@ -323,9 +323,10 @@ impl<'c> Textures<'c> {
             "clamp" => Wrap::Clamp,
             "repeat" => Wrap::Repeat,
             other => {
-                let message = format!("wrapping \"{other}\" is not drawn; the picture repeats");
+                // What lies beside an edge on the sphere is that edge, mirrored: nearer than the opposite one.
+                let message = format!("wrapping \"{other}\" is drawn as \"clamp\"");
                 self.context.warn(params.place_of("wrap"), message);
-                Wrap::Repeat
+                Wrap::Clamp
             }
         })
     }

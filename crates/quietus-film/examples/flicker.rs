@@ -1,7 +1,9 @@
-//! How much a still picture flickers, drawn again and again with other seeds:
+//! How much frames flicker: a still picture, drawn again and again with other seeds, or a moving one, against references of
+//! its frames, so that what really changes does not count:
 //!
 //! ```sh
 //! cargo run --release -p quietus-film --example flicker -- 1.exr 2.exr 3.exr
+//! cargo run --release -p quietus-film --example flicker -- 1.exr 2.exr 3.exr --truth r1.exr r2.exr r3.exr
 //! ```
 //!
 //! Prints, in percent of white as displayed (with a gamma of 2): the noise that the differences between frames amount to,
@@ -17,9 +19,14 @@ use quietus_film::{Picture, read_exr};
 const BLOCK: usize = 8;
 
 fn main() -> ExitCode {
-    let mut frames = Vec::new();
+    let (mut frames, mut truth, mut is_truth) = (Vec::new(), Vec::new(), false);
     for path in std::env::args().skip(1) {
+        if path == "--truth" {
+            is_truth = true;
+            continue;
+        }
         match read_exr(Path::new(&path)) {
+            Ok((picture, _)) if is_truth => truth.push(picture),
             Ok((picture, _)) => frames.push(picture),
             Err(error) => {
                 eprintln!("error: {error}");
@@ -27,17 +34,24 @@ fn main() -> ExitCode {
             }
         }
     }
-    let same_size = frames.windows(2).all(|pair| pair[0].window == pair[1].window);
-    if frames.len() < 2 || !same_size {
-        eprintln!("error: expected at least two EXR pictures of one size");
+    let window = frames.first().map(|frame| frame.window);
+    let same_size = frames.iter().chain(&truth).all(|picture| Some(picture.window) == window);
+    if frames.len() < 2 || !same_size || !(truth.is_empty() || truth.len() == frames.len()) {
+        eprintln!("error: expected at least two EXR pictures of one size, and as many references or none");
         return ExitCode::FAILURE;
     }
     let (mut square, mut count, mut jumps) = (0.0, 0, Vec::new());
-    for pair in frames.windows(2) {
-        let difference = difference(&pair[0], &pair[1]);
+    for i in 1..frames.len() {
+        let mut difference = difference(&frames[i - 1], &frames[i]);
+        if !truth.is_empty() {
+            let moved = self::difference(&truth[i - 1], &truth[i]);
+            for (found, true_one) in difference.iter_mut().flatten().zip(moved.iter().flatten()) {
+                *found -= true_one;
+            }
+        }
         square += difference.iter().flatten().map(|d| d * d).sum::<f64>();
         count += 3 * difference.len();
-        jumps.extend(blocks(&difference, pair[0].window.width() as usize));
+        jumps.extend(blocks(&difference, frames[i].window.width() as usize));
     }
     jumps.sort_by(f64::total_cmp);
     let at = |share: f64| 100.0 * jumps[((jumps.len() - 1) as f64 * share) as usize];

@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use super::{CAMERA_DIMENSIONS, Path, VERTEX_DIMENSIONS, power_heuristic, segment_to, spread};
+use super::{BEFORE_LIGHT, CAMERA_DIMENSIONS, Path, VERTEX_DIMENSIONS, power_heuristic, segment_to, spread};
 use crate::bvh::{Hit, Ray};
 use crate::interaction::Interaction;
 use crate::isa::{Isa, Job};
@@ -181,7 +181,9 @@ impl<I: Isa> Path<'_, I> {
         let mut passage = Passage::new(carried);
         let scale = ray.direction.length();
         // Distances are those of a direction of unit length from here on.
-        let mut ray = Ray { direction: ray.direction / scale, t_max: ray.t_max * scale, ..*ray };
+        // Media fill all of the way, up to the light itself.
+        let end = if ray.t_max == BEFORE_LIGHT { 1.0 } else { ray.t_max };
+        let mut ray = Ray { direction: ray.direction / scale, t_max: end * scale, ..*ray };
         for _ in 0..MAX_BORDERS {
             let hit = if scene.has_borders() {
                 scene.accel.closest(self.isa, &ray, |hit| scene.is_border(hit))

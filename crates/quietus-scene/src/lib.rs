@@ -101,14 +101,14 @@ pub fn read_image_bytes(path: &Path, bytes: &[u8]) -> Result<quietus_trace::desc
 }
 
 /// Reads a picture of numbers, of the formats of [`read_image_bytes`]: width and height, and row by row the mean of red, green
-/// and blue. Pictures of 8 and 16 bits run from 0 to 1 without a curve; negative floats are 0.
+/// and blue. Pictures of 8 and 16 bits run from 0 to 1 without a curve.
 ///
 /// # Errors
 /// Where the file is missing, cannot be read, is malformed, of another format, larger than 2^27 texels, or holds numbers that
-/// are not finite.
+/// are negative or not finite.
 pub fn read_map(path: &Path) -> Result<([u32; 2], Vec<f32>), SceneError> {
     use quietus_trace::desc::Texels;
-    let image = image::read(path, image::Encoding::Linear)?;
+    let image = image::read(path, image::Encoding::NotNegative)?;
     let mean = |rgb: [f32; 3]| rgb.iter().sum::<f32>() / 3.0;
     let values = match &image.texels {
         Texels::Srgb8(texels) | Texels::Linear8(texels) => {

@@ -35,6 +35,8 @@ pub(crate) enum Encoding {
     Srgb,
     /// Plain numbers.
     Linear,
+    /// The same where a negative number is a mistake, and not what a filter left behind.
+    NotNegative,
     /// Colours that are the linear value to the power of `1 / exponent`; alpha is linear.
     Gamma(f32),
 }
@@ -44,7 +46,7 @@ impl Encoding {
     fn decode(self, value: f32, channel: usize) -> f32 {
         match self {
             _ if channel == 3 => value,
-            Self::Linear => value,
+            Self::Linear | Self::NotNegative => value,
             Self::Srgb => srgb_to_linear(value),
             Self::Gamma(exponent) => value.powf(exponent),
         }
@@ -56,6 +58,7 @@ impl Encoding {
             Self::Srgb => (0, 0),
             Self::Linear => (1, 0),
             Self::Gamma(exponent) => (2, exponent.to_bits()),
+            Self::NotNegative => (3, 0),
         }
     }
 }
@@ -130,7 +133,7 @@ pub(crate) fn read_bytes(path: &Path, bytes: &[u8], encoding: Encoding) -> Resul
 ///
 /// # Errors
 /// Where the picture is malformed, of a format that is not read, larger than the limits of this module, or holds
-/// numbers that are not finite.
+/// numbers that are not finite, or negative where that is a mistake.
 pub(crate) fn decode(
     file: &Path,
     place: &str,
@@ -142,12 +145,12 @@ pub(crate) fn decode(
     let ([width, height], texels) = match format {
         Format::OpenExr => {
             let (size, texels) = exr_file::decode(file, place, bytes.into_owned())?;
-            (size, Texels::Float(checked(file, place, size[0], texels)?))
+            (size, Texels::Float(checked(file, place, size[0], texels, encoding)?))
         }
         Format::Pfm => {
             let (size, texels) =
                 pfm::decode(&bytes).map_err(|(kind, message)| SceneError::new(kind, file, place, message))?;
-            (size, Texels::Float(checked(file, place, size[0], texels)?))
+            (size, Texels::Float(checked(file, place, size[0], texels, encoding)?))
         }
         Format::Ktx2 => {
             let fault = |(kind, message)| SceneError::new(kind, file, place, message);
@@ -214,13 +217,15 @@ fn known_texels(
     Ok(match picture {
         ImageRgb32F(_) | ImageRgba32F(_) => {
             let texels = picture.into_rgba32f().pixels().map(|pixel| pixel.0).collect();
-            Texels::Float(checked(file, place, width, texels)?)
+            Texels::Float(checked(file, place, width, texels, encoding)?)
         }
         ImageLuma8(_) | ImageLumaA8(_) | ImageRgb8(_) | ImageRgba8(_) => {
             let texels = picture.into_rgba8();
             match encoding {
                 Encoding::Srgb => Texels::Srgb8(texels.pixels().map(|pixel| pixel.0).collect()),
-                Encoding::Linear => Texels::Linear8(texels.pixels().map(|pixel| pixel.0).collect()),
+                Encoding::Linear | Encoding::NotNegative => {
+                    Texels::Linear8(texels.pixels().map(|pixel| pixel.0).collect())
+                }
                 Encoding::Gamma(_) => {
                     let table: [f32; 256] =
                         std::array::from_fn(|code| encoding.decode(code as f32 / 255.0, 0));
@@ -241,19 +246,24 @@ fn known_texels(
     })
 }
 
-/// Refuses values that are not finite and lifts negative ones, which filters leave behind, to 0.
+/// Refuses values that are not finite and lifts negative ones, which filters leave behind, to 0, or refuses them too.
 fn checked(
     file: &Path,
     place: &str,
     width: u32,
     mut texels: Vec<[f32; 4]>,
+    encoding: Encoding,
 ) -> Result<Vec<[f32; 4]>, SceneError> {
+    let may_not_be_negative = encoding == Encoding::NotNegative;
+    let is_sound = |value: &f32| value.is_finite() && !(may_not_be_negative && *value < 0.0);
+    let expected =
+        if may_not_be_negative { "finite numbers that are not negative" } else { "finite numbers" };
     for (i, texel) in texels.iter_mut().enumerate() {
-        if texel.iter().any(|value| !value.is_finite()) {
+        if !texel.iter().all(is_sound) {
             let at = format!("column {}, row {}", i % width as usize, i / width as usize);
             let at = if place.is_empty() { at } else { format!("{place}, {at}") };
             let [r, g, b, _] = texel;
-            let message = format!("the texel is ({r}, {g}, {b}), expected finite numbers");
+            let message = format!("the texel is ({r}, {g}, {b}), expected {expected}");
             return Err(SceneError::new(ErrorKind::Invalid, file, at, message));
         }
         *texel = texel.map(|value| value.max(0.0));

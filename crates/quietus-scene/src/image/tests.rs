@@ -144,3 +144,30 @@ fn a_batch_reads_each_file_once_per_encoding_and_names_who_wants_a_missing_one()
     let error = images.load().expect_err("one is gone");
     assert_eq!((error.kind(), error.place()), (ErrorKind::NotFound, "named by scene:7:5"));
 }
+
+/// A PFM file of 2x2 greys, whose rows go from the bottom to the top.
+fn pfm_of(greys: [f32; 4]) -> Vec<u8> {
+    let mut bytes = b"Pf\n2 2\n-1.0\n".to_vec();
+    [2, 3, 0, 1].map(|i: usize| greys[i]).iter().for_each(|grey| bytes.extend(grey.to_le_bytes()));
+    bytes
+}
+
+#[test]
+fn numbers_that_make_no_sense_are_refused_with_their_place() {
+    let of = |grey: f32, encoding| decoded("a.pfm", &pfm_of([0.0, 1.0, grey, 2.0]), encoding);
+    for (grey, encoding) in [
+        (f32::NAN, Encoding::Linear),
+        (f32::INFINITY, Encoding::NotNegative),
+        (f32::NAN, Encoding::NotNegative),
+        (-0.25, Encoding::NotNegative),
+    ] {
+        let message = of(grey, encoding).expect_err("it makes no sense").to_string();
+        assert!(message.contains("column 0, row 1") && message.contains(&grey.to_string()), "{message}");
+    }
+    // Filters leave behind negative colours; and -0 is 0.
+    let Texels::Float(texels) = of(-0.25, Encoding::Linear).expect("lifted to 0").texels else {
+        panic!("no floats")
+    };
+    assert_eq!(texels[2][..3], [0.0; 3]);
+    assert!(of(-0.0, Encoding::NotNegative).is_ok());
+}

@@ -417,7 +417,11 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         let max_samples = if self.settings.sampling == Sampling::Uniform { aim.samples } else { max_samples };
         let machinery = Machinery { lag: aim.lag, ..self.settings.machinery };
         let limited = RenderSettings { max_samples, machinery, ..self.settings.clone() };
-        quietus::Settings { approach: aim.approach, ..limited.library(REPLICATES as u32, aim.target_error) }
+        quietus::Settings {
+            approach: aim.approach,
+            fine_steps: aim.fine_steps,
+            ..limited.library(REPLICATES as u32, aim.target_error)
+        }
     }
 
     fn copied(&self) -> Copied {

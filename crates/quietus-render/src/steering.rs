@@ -72,6 +72,8 @@ pub(crate) struct Aim {
     pub(crate) lag: u32,
     /// How pixels come to their minimum.
     pub(crate) approach: Approach,
+    /// Whether counts grow in fine steps, so that they end where they should.
+    pub(crate) fine_steps: bool,
     /// Whether this should be where it ends.
     pub(crate) is_last: bool,
     /// What quotas will be multiplied by in the rounds that follow.
@@ -175,6 +177,7 @@ impl Steering {
             samples,
             lag,
             approach: self.approach(),
+            fine_steps: false,
             is_last,
             factor_left: 1.0,
             aov_demand: self.aov_demand(),
@@ -261,7 +264,7 @@ impl Steering {
         self.learnt.rounds += 1;
         let mut counts = self.settings.library(REPLICATES as u32, FIRST_TARGET).pass_counts();
         if self.asked().is_some() {
-            counts.lag = 1;
+            (counts.lag, counts.fine_steps) = (1, true);
         }
         let now = Forecast::new(&picture.finished(), sampling, counts);
         if let Some(fall) = self.learnt.before.as_ref().and_then(|before| before.fall_to(&now)) {
@@ -324,12 +327,14 @@ impl Steering {
             Some((fits, is_over)) if fits.samples < next.samples => (fits, is_over),
             Some(_) => (next, is_last),
         };
+        let ends_at_a_noise = is_last && self.asked().is_some();
         Verdict::GoOn(Aim {
             target_error: aim.target_error / next.factor,
             samples: even(f64::from(aim.samples) * next.factor),
             // Every step of a lag is one further than asked for: too far for the end.
-            lag: if is_last && self.asked().is_some() { 1 } else { self.settings.machinery.lag },
+            lag: if ends_at_a_noise { 1 } else { self.settings.machinery.lag },
             approach: self.approach(),
+            fine_steps: ends_at_a_noise,
             is_last,
             factor_left: (goal.factor / next.factor).max(1.0),
             aov_demand: self.aov_demand(),

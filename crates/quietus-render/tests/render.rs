@@ -314,7 +314,7 @@ fn noise_is_reached_with_any_number_of_threads() {
         draw(&Func(noise_to_the_right), &settings).unwrap()
     };
     for sampling in [Sampling::Quietus, Sampling::Uniform] {
-        for noise in [0.008, 0.004] {
+        for noise in [0.012, 0.008, 0.004] {
             let rendered = asked(noise, sampling, 2);
             let truth = true_noise(&rendered, |_, _| 0.25);
             let reached = rendered.noise.unwrap();

@@ -63,6 +63,8 @@ pub struct PassCounts {
     pub lag: u32,
     /// How pixels come to their minimum.
     pub approach: Approach,
+    /// Whether counts that go by themselves grow in steps of an eighth.
+    pub fine_steps: bool,
 }
 
 /// How pixels come to the minimum of samples, before anything is known of them.
@@ -94,10 +96,11 @@ impl PassCounts {
 
     /// What a pixel of `count` samples has after a visit that draws it, if it goes by its own count instead of by the
     /// pass: the next count that a pixel drawn by every pass would have, but at least a quarter more. A pixel opened
-    /// again late goes on in small steps, and one that needs thousands of samples gets there in few passes. Below the minimum
-    /// an [`Approach::Spread`] has steps of an eighth, and at least a sample of each replicate.
+    /// again late goes on in small steps, and one that needs thousands of samples gets there in few passes. Fine steps, and those of an [`Approach::Spread`]
+    /// below the minimum, are of an eighth, and at least a sample of each replicate.
     pub fn next(&self, count: u32) -> u32 {
-        if self.approach == Approach::Spread && count < self.min_samples {
+        let is_spread = self.approach == Approach::Spread && count < self.min_samples;
+        if is_spread || self.fine_steps {
             let more = (count / 8).div_ceil(self.replicates).max(1).saturating_mul(self.replicates);
             return count.saturating_add(more).min(self.max_samples);
         }
@@ -171,6 +174,7 @@ mod tests {
             max_samples: 4000,
             lag: 2,
             approach: Approach::Whole,
+            fine_steps: false,
         };
         // As every pass does, also from a count between.
         assert_eq!([0, 2, 6, 12, 20, 30, 42].map(|n| counts.next(n)), [2, 6, 12, 20, 30, 42, 56]);
@@ -190,6 +194,7 @@ mod tests {
             max_samples: 4000,
             lag: 2,
             approach: Approach::Whole,
+            fine_steps: false,
         };
         let spread = PassCounts { approach: Approach::Spread, ..whole };
         assert_eq!((whole.least(), whole.min_passes()), (20, 4));
@@ -199,6 +204,8 @@ mod tests {
         assert_eq!([16, 20].map(|n| spread.next(n)), [20, 30]);
         let far = PassCounts { min_samples: 4000, ..spread };
         assert_eq!([16, 32, 1000, 3900].map(|n| far.next(n)), [18, 36, 1126, 4000]);
+        let fine = PassCounts { fine_steps: true, ..whole };
+        assert_eq!([20, 42, 1000, 3999].map(|n| fine.next(n)), [22, 48, 1126, 4000]);
         let odd = PassCounts { min_samples: 1, max_samples: 1, ..spread };
         assert_eq!((odd.least(), odd.min_passes()), (1, 4));
     }

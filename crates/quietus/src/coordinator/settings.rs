@@ -44,6 +44,9 @@ pub struct Settings {
     pub replicates: u32,
     /// How pixels come to their minimum: [`Approach::Whole`] by default.
     pub approach: Approach,
+    /// Whether pixels that go by their own count ([`Policy::Quietus`]) do so in steps of an eighth: they end closer to what they
+    /// were to have, after more passes. No by default: a quarter and more.
+    pub fine_steps: bool,
     /// Locks per region for [`Checks::StripedLocks`], a power of two: 64 by default. From 8 on, neighbouring
     /// tiles use different ones.
     pub stripes: u32,
@@ -74,6 +77,7 @@ impl Settings {
             schedule: PassSchedule::default(),
             replicates: 2,
             approach: Approach::default(),
+            fine_steps: false,
             stripes: 64,
             mode: Mode::default(),
             checks: Checks::default(),
@@ -100,6 +104,7 @@ impl Settings {
             max_samples: self.max_samples,
             lag: self.mode.slots(),
             approach: self.approach,
+            fine_steps: self.fine_steps,
         }
     }
 

@@ -106,6 +106,11 @@ pub(crate) struct EvalArgs {
     #[arg(conflicts_with_all = ["methods", "html", "equivalence"])]
     noise: Vec<f64>,
 
+    /// Begin no more renders of a noise after this time, and leave out a noise whose first renders would take longer than
+    /// twice as much, going by those of the one before it.
+    #[arg(long, value_name = "DURATION", value_parser = parse_time, requires = "noise")]
+    noise_time: Option<Duration>,
+
     /// As --noise, for renders that are asked for times.
     #[arg(long, value_name = "DURATION,...", value_delimiter = ',', value_parser = parse_time)]
     #[arg(conflicts_with_all = ["methods", "html", "equivalence"])]
@@ -235,15 +240,27 @@ fn show_goals(args: &EvalArgs) -> Result<Ending, Failure> {
         let drawing = || say::aside(format_args!("{source}: drawing the reference"));
         let reference = Reference::open_or_render(&subject, &spec, &path, drawing)?;
         let noises = args.noise.iter().map(|&noise| Asked::Noise(noise));
+        let mut before = None;
         for asked in noises.chain(args.time.iter().map(|&time| Asked::Time(time))) {
             let plan = GoalPlan {
                 asked,
                 runs: u32::try_from(args.runs.unwrap_or(20)).unwrap_or(u32::MAX),
+                time: args.noise_time,
                 seed: args.seed,
                 min_samples: args.min_samples.unwrap_or(16),
                 max_samples: args.samples.map_or(u32::MAX, |samples| samples.saturating_mul(2)),
             };
+            if let (Asked::Noise(noise), Some(time)) = (asked, args.noise_time)
+                && is_too_long(before, noise, time)
+            {
+                say::aside(format_args!("{source}: {} % would take too long", 100.0 * noise));
+                continue;
+            }
             let runs = goal_runs(&subject, &reference, &plan)?;
+            if let Asked::Noise(noise) = asked {
+                let longest = runs.iter().map(|run| run.seconds).fold(0.0, f64::max);
+                before = Some((noise, longest));
+            }
             match asked {
                 Asked::Noise(noise) => {
                     rows[0].push(noise_row(&subject.name, noise, &runs));
@@ -261,6 +278,11 @@ fn show_goals(args: &EvalArgs) -> Result<Ending, Failure> {
         write(path, &text)?;
     }
     Ok(Ending::Success)
+}
+
+/// Whether renders to `noise` are expected to take more than twice `time`, where those to another noise took so many seconds.
+fn is_too_long(before: Option<(f64, f64)>, noise: f64, time: Duration) -> bool {
+    before.is_some_and(|(other, seconds)| seconds * (other / noise).powi(2) > 2.0 * time.as_secs_f64())
 }
 
 fn subject(source: &str) -> Result<Subject, Failure> {

@@ -1,7 +1,11 @@
 //! Whether renders that are asked for a noise or a time get it: live renders with seeds of their own, against a
 //! reference.
 
-use std::{num::NonZeroUsize, sync::atomic::AtomicBool, time::Duration};
+use std::{
+    num::NonZeroUsize,
+    sync::atomic::AtomicBool,
+    time::{Duration, Instant},
+};
 
 use quietus_film::Window;
 use quietus_render::{
@@ -28,6 +32,8 @@ pub struct GoalPlan {
     pub asked: Asked,
     /// Renders, each with a seed of its own.
     pub runs: u32,
+    /// No more renders are begun after this time.
+    pub time: Option<Duration>,
     /// Seed of the first.
     pub seed: u64,
     /// Samples that every pixel gets.
@@ -79,7 +85,7 @@ impl GoalRun {
     }
 }
 
-/// Renders `subject` as the plan says, and compares with the reference.
+/// Renders `subject` as the plan says, and compares with the reference. At least one render.
 ///
 /// # Errors
 /// Where the scene cannot be drawn.
@@ -88,10 +94,15 @@ pub fn goal_runs(
     reference: &Reference,
     plan: &GoalPlan,
 ) -> Result<Vec<GoalRun>, EvalError> {
-    let run = |k: u32| goal_run(subject, reference, plan, plan.seed.wrapping_add(k.into()));
+    let start = Instant::now();
+    let is_late = || plan.time.is_some_and(|time| start.elapsed() >= time);
+    let run = |k: u32| {
+        let may_begin = k == 0 || !is_late();
+        may_begin.then(|| goal_run(subject, reference, plan, plan.seed.wrapping_add(k.into())))
+    };
     match plan.asked {
-        Asked::Noise(_) => (0..plan.runs).into_par_iter().map(run).collect(),
-        Asked::Time(_) => (0..plan.runs).map(run).collect(),
+        Asked::Noise(_) => (0..plan.runs).into_par_iter().with_max_len(1).filter_map(run).collect(),
+        Asked::Time(_) => (0..plan.runs).filter_map(run).collect(),
     }
 }
 

@@ -27,13 +27,31 @@ pub(crate) enum Measure {
     Figure1,
     /// What the live view costs a render: docs/view.md
     View,
-    /// Whether renders get the noise and the time they are asked for: docs/noise.md
+    /// Whether renders get the noise they are asked for: docs/noise.md
     Noise {
         /// Only scenes whose path contains this
         #[arg(long)]
         only: Option<String>,
         /// Renders for each noise
         #[arg(long, default_value_t = 20)]
+        runs: u32,
+        /// Seconds after which no more of them are begun
+        #[arg(long, default_value_t = 25)]
+        seconds: u32,
+    },
+    /// Whether renders end when they are told to: docs/noise.md
+    Time {
+        /// Only scenes whose path contains this
+        #[arg(long)]
+        only: Option<String>,
+    },
+    /// Whether renders foresee their end: docs/noise.md
+    Eta {
+        /// Only scenes whose path contains this
+        #[arg(long)]
+        only: Option<String>,
+        /// Renders of each
+        #[arg(long, default_value_t = 4)]
         runs: u32,
     },
     /// What every policy gains and loses on every scene, by replay: docs/results.md
@@ -53,7 +71,9 @@ pub(crate) fn measure(what: &Measure) -> Result<()> {
         Measure::Scaling => protocol::scaling(&quietus),
         Measure::Figure1 => figure1::figure1(&quietus),
         Measure::View => view::view(&quietus),
-        Measure::Noise { only, runs } => noise::noise(&quietus, only.as_deref(), *runs),
+        Measure::Noise { only, runs, seconds } => noise::noise(&quietus, only.as_deref(), *runs, *seconds),
+        Measure::Time { only } => noise::time(&quietus, only.as_deref()),
+        Measure::Eta { only, runs } => noise::eta(&quietus, only.as_deref(), *runs),
         Measure::Results { only } => results::results(&quietus, only.as_deref()),
     }
 }

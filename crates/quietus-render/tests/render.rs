@@ -255,7 +255,8 @@ fn time_that_ends_in_the_first_round_leaves_the_same_samples_everywhere() {
         assert!(*most < 64, "{sampling:?}: the machine is too fast for this test");
         // A step is an eighth of the samples there are, and at least two.
         let step = 2 * (most / 16).max(1);
-        assert!(most - least <= step, "{sampling:?}: {least} to {most}");
+        // A tile may be two passes behind the others.
+        assert!(most - least <= 2 * step, "{sampling:?}: {least} to {most}");
         let quarter = |x0: usize, y0: usize| {
             let row = |y: usize| &counts[64 * (y0 + y) + x0..][..32];
             (0..32).flat_map(row).sum::<u32>() as f64 / 1024.0

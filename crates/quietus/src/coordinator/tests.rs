@@ -537,20 +537,25 @@ fn spread_samples_are_even_wherever_they_are_stopped() {
         assert!(together == alone, "{policy:?}");
         // Stopped in the middle of a pass; then on from there, to be stopped again.
         let mut start: Option<Start> = None;
-        for _ in 0..3 {
+        for threads in [1, 1, 1, 3] {
             let sampling = match &start {
                 None => AdaptiveSampling::new(settings.clone()),
                 Some(start) => AdaptiveSampling::resumed(settings.clone(), start),
             };
             let (sampling, visits) = (sampling.unwrap(), AtomicU32::new(0));
-            draw(&sampling, 3, |_| {
+            draw(&sampling, threads, |_| {
                 if visits.fetch_add(1, SeqCst) == 300 {
                     sampling.stop();
                 }
             });
             let counts = all_counts(&sampling);
             let (least, most) = (counts.iter().min().unwrap(), counts.iter().max().unwrap());
-            assert!(most - least <= 2, "{policy:?}: {least} to {most}");
+            // Where there are others, a tile may be two passes behind them: a step more.
+            let step = 2 * (most / 16).max(1);
+            assert!(
+                most - least <= if threads == 1 { step } else { 2 * step },
+                "{policy:?}: {least} to {most}"
+            );
             let mean = |of: &[u32]| f64::from(of.iter().sum::<u32>()) / of.len() as f64;
             let (first, last) = counts.split_at(counts.len() / 4);
             // One pixel in four has another step of two; tiles at the rim may have a few more or less.

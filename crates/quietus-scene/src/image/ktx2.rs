@@ -2,10 +2,12 @@
 //!
 //! Of a picture's levels the first is read, of its layers and faces too: footprints of rays are filtered from it.
 
+use std::panic::catch_unwind;
+
 use basisu::{DecodeFlags, Error, TargetFormat, Transcoder};
 use image::{DynamicImage, RgbaImage};
 
-use super::check_size;
+use super::{MAX_DECODER_BYTES, check_size};
 use crate::error::ErrorKind;
 
 /// What every such file begins with.
@@ -26,11 +28,36 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DynamicImage, Fault> {
         return Err((ErrorKind::Unsupported, format!("the picture is {depth} deep, expected a flat one")));
     }
     let texels = match format {
-        0 => transcode(bytes, width, height)?,
+        0 => {
+            check_ranges(bytes, header).map_err(syntax)?;
+            // The transcoder is young: what it does not expect of a broken file is that file's fault.
+            let texels = catch_unwind(|| transcode(bytes, width, height));
+            texels.map_err(|_| syntax("it holds what cannot be transcoded"))??
+        }
         _ => plain(bytes, header, format, width, height)?,
     };
     let picture = RgbaImage::from_raw(width, height, texels);
     picture.map(DynamicImage::ImageRgba8).ok_or_else(|| syntax("texels are missing"))
+}
+
+/// Whether all that the header and the index of levels speak of is in the file, and nothing is said to become larger than
+/// any picture: the transcoder takes that for granted.
+fn check_ranges(bytes: &[u8], header: &[u8; HEADER]) -> Result<(), &'static str> {
+    let is_inside =
+        |start: u64, length: u64| start.checked_add(length).is_some_and(|end| end <= bytes.len() as u64);
+    let narrow = [48, 56].map(|at| (word(header, at).into(), word(header, at + 4).into()));
+    let wide = (long(header, 64), long(header, 72));
+    if ![narrow[0], narrow[1], wide].iter().all(|&(start, length)| is_inside(start, length)) {
+        return Err("its header speaks of more than there is");
+    }
+    let levels = word(header, 40).max(1) as usize;
+    let index = bytes.get(80..).and_then(|rest| rest.get(..levels.checked_mul(24)?));
+    for level in index.ok_or("its levels are cut off")?.chunks_exact(24) {
+        if !is_inside(long(level, 0), long(level, 8)) || long(level, 16) > MAX_DECODER_BYTES {
+            return Err("its index of levels speaks of more than there is");
+        }
+    }
+    Ok(())
 }
 
 /// Texels of Basis Universal.
@@ -74,8 +101,7 @@ fn plain(
         let message = "the KTX2 picture is compressed a second time, which is read of Basis Universal alone";
         return Err((ErrorKind::Unsupported, message.to_owned()));
     }
-    let [start, length] =
-        [80, 88].map(|at| u64::from(word(header, at)) | u64::from(word(header, at + 4)) << 32);
+    let [start, length] = [80, 88].map(|at| long(header, at));
     let expected = u64::from(width) * u64::from(height) * channels;
     let level = usize::try_from(start).ok().and_then(|start| bytes.get(start..)?.get(..expected as usize));
     let Some(level) = level.filter(|_| length >= expected) else {
@@ -90,6 +116,11 @@ fn plain(
 }
 
 /// The little-endian number at byte `at`.
-fn word(header: &[u8; HEADER], at: usize) -> u32 {
-    u32::from_le_bytes(std::array::from_fn(|i| header[at + i]))
+fn word(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i]))
+}
+
+/// The same of eight bytes.
+fn long(bytes: &[u8], at: usize) -> u64 {
+    u64::from(word(bytes, at)) | u64::from(word(bytes, at + 4)) << 32
 }

@@ -6,20 +6,21 @@
 //!
 //! Nothing here depends on threads: with a goal that does not depend on time, the picture does not either.
 
-use std::sync::atomic::Ordering;
+mod decision;
+mod past;
+
 use std::time::{Duration, Instant};
 
 use quietus::{AdaptiveSampling, Start};
 use quietus_film::Film;
 use quietus_trace::tile::TileCounts;
-use serde::{Deserialize, Serialize};
 
 use crate::aov_demand::AovDemand;
 use crate::checkpoint::{Keeper, RenderState};
 use crate::clock::Clock;
 use crate::costs::Costs;
 use crate::live::Live;
-use crate::noise::{Copied, Effort, Measured, Measuring, Noise};
+use crate::noise::{Copied, Noise};
 use crate::outlook::Outlook;
 use crate::pixel_errors::REPLICATES;
 use crate::process;
@@ -27,10 +28,12 @@ use crate::progress::{Drawn, Estimator};
 use crate::recording::{Recording, Round as PastRound};
 use crate::run::{Bound, Control, Counters, RenderError, Rendered, Round, StoppedBy, Watched};
 use crate::settings::{Goal, Machinery, RenderSettings, Sampling};
-use crate::statistics::Totals;
-use crate::steering::{Aim, Learnt, Steering, TimeLeft, Verdict};
+use crate::steering::{Aim, Steering};
 use crate::timeline;
 use crate::tracer::Tracer;
+use decision::Decision;
+pub(crate) use past::Past;
+use past::{Begun, Kept, PastRounds};
 
 /// What a render goes on from, and what it leaves for others to go on from.
 #[derive(Default)]
@@ -116,43 +119,6 @@ pub fn go_on<T: Tracer>(
     let aim = rounds.steering.first();
     let sampling = AdaptiveSampling::resumed(rounds.library(&aim), &Start::of(&before.sampling))?;
     rounds.run(control, aim, sampling, keeper)
-}
-
-/// What a render has behind it.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct Past {
-    wall: Duration,
-    cpu: Duration,
-    samples: u64,
-    rays: u64,
-    rounds: PastRounds,
-}
-
-impl Past {
-    /// Whether a render can have that behind it, with room for more.
-    fn check(&self) -> Result<(), quietus::Misfit> {
-        let is_possible = [self.samples, self.rays].iter().all(|&count| count < 1 << 60)
-            && [self.wall, self.cpu].iter().all(|time| time.as_secs() < 1 << 40)
-            && self.rounds.measurements < u32::MAX / 2
-            && self.rounds.totals.is_possible();
-        is_possible.then_some(()).ok_or(quietus::Misfit("it has counted too much"))
-    }
-}
-
-/// The rounds that are over.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-struct PastRounds {
-    totals: Totals,
-    /// Measurements of the noise so far.
-    measurements: u32,
-    history: Vec<PastRound>,
-}
-
-/// Where a round began. What is decided after its end follows from this and from what it has drawn.
-struct Begun {
-    aim: Aim,
-    learnt: Learnt,
-    before: PastRounds,
 }
 
 /// Whether the goal makes sense.
@@ -499,109 +465,6 @@ impl<'a, T: Tracer> Rounds<'a, T> {
         round.run(watch)?;
         Ok(stopped_by)
     }
-
-    /// What to do after a round that reached its aim.
-    fn decide(
-        &mut self,
-        sampling: &AdaptiveSampling,
-        aim: &Aim,
-        pace: f64,
-        control: &mut Control<'_>,
-    ) -> Result<Decision, RenderError> {
-        if !self.steering.has_rounds() {
-            return Ok(Decision::Stop(StoppedBy::Done));
-        }
-        let picture = self.copied();
-        let forecast = self.steering.look(&picture, sampling);
-        if self.steering.asked().is_some() {
-            let effort = if aim.is_last { Effort::REPORT } else { self.steering.effort(&forecast) };
-            match self.measure(&picture, effort, self.clock(control), sampling, control)? {
-                Ok(measured) => self.steering.take(&measured, &forecast),
-                Err(stopped_by) => return Ok(Decision::Stop(stopped_by)),
-            }
-        }
-        let time = TimeLeft {
-            limit: self.clock(control).limit,
-            elapsed: self.clock(control).elapsed(),
-            samples: sampling.counts().total() as f64,
-            pace,
-        };
-        Ok(match self.steering.verdict(aim, &forecast, &time) {
-            Verdict::Finished if self.steering.reported().is_none() && self.clock(control).is_late() => {
-                Decision::Stop(StoppedBy::TimeLimit)
-            }
-            Verdict::Finished => Decision::Stop(StoppedBy::Done),
-            Verdict::GoOn(aim) => Decision::GoOn(aim),
-            Verdict::MeasureAgain => {
-                match self.measure(&picture, Effort::REPORT, self.clock(control), sampling, control)? {
-                    Ok(measured) => {
-                        self.steering.take_report(&measured);
-                        Decision::Stop(StoppedBy::Done)
-                    }
-                    Err(stopped_by) => Decision::Stop(stopped_by),
-                }
-            }
-        })
-    }
-
-    /// Measures the noise of a picture whose time is up, as well as what is left of all time allows. Time has ended it, and
-    /// no measurement.
-    fn measure_in_time(
-        &mut self,
-        sampling: &AdaptiveSampling,
-        control: &mut Control<'_>,
-    ) -> Result<(), RenderError> {
-        let clock = Clock { limit: self.settings.time_limit, ..self.clock(control) };
-        let share = 0.7 * clock.left().unwrap_or_default().div_duration_f64(clock.elapsed());
-        let affordable = Effort { share, picks: 0, most_share: 0.0 };
-        let picture = self.copied();
-        if let Ok(measured) = self.measure(&picture, affordable, clock, sampling, control)? {
-            self.steering.take_report(&measured);
-        }
-        Ok(())
-    }
-
-    /// Measures the noise of the film. Where that is cut short: why.
-    fn measure(
-        &mut self,
-        picture: &Copied,
-        effort: Effort,
-        clock: Clock<'_>,
-        sampling: &AdaptiveSampling,
-        control: &mut Control<'_>,
-    ) -> Result<Result<Measured, StoppedBy>, RenderError> {
-        let (window, number) = (self.film.layout().window(), self.past.measurements);
-        self.past.measurements += 1;
-        let counters: Vec<_> = self.counters.iter().map(|_| Counters::default()).collect();
-        let measuring = Measuring {
-            tracer: self.tracer,
-            window,
-            live: control.live,
-            counters: &counters,
-            number,
-            effort,
-        };
-        let cancel = control.cancel;
-        let (estimator, drawn, noise) = (&mut self.estimator, &self.counters, self.steering.progress());
-        let (film, outlook, measured) = (&self.film, &self.outlook, self.measured);
-        let watch = || {
-            let [samples, rays] = Counters::sum(drawn);
-            let spent = measured + Counters::seconds(drawn) + Counters::seconds(&counters);
-            let drawn = Drawn { samples, rays, spent, total: outlook.known() };
-            let mut progress = estimator.reading(clock.elapsed(), drawn, sampling.converged_fraction());
-            progress.noise = noise;
-            (control.watch)(&Watched { progress, film, sampling });
-            clock.interval()
-        };
-        // Relaxed: the flag guards no data.
-        let is_cancelled = || cancel.load(Ordering::Relaxed) || clock.is_late();
-        let span = tracing::debug_span!("measure noise", number).entered();
-        let outcome = measuring.run(picture, is_cancelled, watch)?;
-        drop(span);
-        self.past.totals.noise_samples += Counters::sum(&counters)[0];
-        self.measured += Counters::seconds(&counters);
-        Ok(outcome.ok_or_else(|| clock.stops(control).unwrap_or(StoppedBy::Done)))
-    }
 }
 
 /// Lets whoever listens know of its rebuilds.
@@ -613,40 +476,4 @@ fn observed(sampling: AdaptiveSampling) -> AdaptiveSampling {
 fn newly_asked(steering: &Steering, settings: &RenderSettings, control: &Control<'_>) -> Option<f64> {
     let asked = control.live.filter(|_| settings.sampling.can_forecast())?.asked_noise()?;
     (steering.asked() != Some(asked)).then_some(asked)
-}
-
-/// What is kept of a render, besides what its rounds have taught.
-#[derive(Clone, Copy)]
-struct Kept<'a> {
-    film: &'a Film,
-    counters: &'a [Counters],
-    cpu_start: Option<Duration>,
-    max_samples: u32,
-}
-
-impl Kept<'_> {
-    /// Copies everything out while nobody draws. `None` where that never comes about.
-    fn state(&self, begun: &Begun, sampling: &AdaptiveSampling, wall: Duration) -> Option<RenderState> {
-        let paused = sampling.pause()?;
-        Some(RenderState {
-            aim: begun.aim,
-            learnt: begun.learnt.clone(),
-            max_samples: self.max_samples,
-            past: self.past(wall, begun.before.clone()),
-            sampling: paused.state(),
-            film: self.film.state(),
-        })
-    }
-
-    /// What is behind it by now, with these rounds.
-    fn past(&self, wall: Duration, rounds: PastRounds) -> Past {
-        let [samples, rays] = Counters::sum(self.counters);
-        let cpu = self.cpu_start.zip(process::cpu_time()).map(|(before, after)| after.saturating_sub(before));
-        Past { wall, cpu: cpu.unwrap_or_default(), samples, rays, rounds }
-    }
-}
-
-enum Decision {
-    Stop(StoppedBy),
-    GoOn(Aim),
 }

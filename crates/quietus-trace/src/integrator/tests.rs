@@ -15,8 +15,8 @@ use std::sync::Arc;
 use glam::{Affine3A, DVec3, Mat3, Quat, Vec3};
 
 use crate::desc::{
-    self, Alpha, ColorParam, Geometry, Material, MaterialId, Mesh, Metal, ObjectId, Roughness, ScalarParam,
-    Surface,
+    self, Alpha, ColorParam, Geometry, Image, Material, MaterialId, Mesh, Metal, ObjectId, Roughness,
+    ScalarParam, Surface, Texels,
 };
 use crate::filter::Filter;
 use crate::isa::Level;
@@ -305,7 +305,8 @@ fn light_through_a_pane_arrives() {
     Suite::new(1).judge(picture.radiance.p_equals(expected), "pane");
 }
 
-/// At one point of the ground: light sampling alone, BSDF sampling alone, and both weighted have the same mean.
+/// At one point of the ground: light sampling with what it leaves to chance, BSDF sampling alone, and both weighted have
+/// the same mean.
 #[test]
 fn strategies_agree() {
     let mut scene = ground();
@@ -321,14 +322,17 @@ fn strategies_agree() {
         [[1.0, 0.5, 1.0], [2.0, 0.5, 1.0], [2.0, 1.5, 0.5], [1.0, 1.5, 0.5]].map(Vec3::from_array);
     scene.0.materials[lamp.0 as usize].emission_two_sided = true;
     scene.add(quad([a, b, c, d]), lamp);
-    scene.sky(0.7);
-    let scene = Scene::build(&scene.0).expect("a sound scene");
     let mut rng = Rng::new(4);
+    scene.sky(0.7);
+    let texels = Texels::Float((0..32).map(|_| [0; 4].map(|_| rng.next_1d())).collect());
+    let clouds = Image { name: "clouds".into(), width: 8, height: 4, texels };
+    scene.0.environment.as_mut().expect("a sky").image = Some(Arc::new(clouds));
+    let scene = Scene::build(&scene.0).expect("a sound scene");
     let mut draw_one = || Level::portable().run(OnePoint { scene: &scene, rng: &mut rng });
     let (mut by_light, mut by_bsdf, mut weighted) = <(Mean, Mean, Mean)>::default();
     for _ in 0..100_000 {
         let [light, bsdf] = draw_one();
-        by_light.push(light.0);
+        by_light.push(light.0 + if bsdf.2 > 0.0 { 0.0 } else { bsdf.0 });
         by_bsdf.push(bsdf.0);
         // Draws of its own, so that it is independent of the other two.
         let heuristic =

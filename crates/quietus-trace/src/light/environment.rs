@@ -1,16 +1,15 @@
 //! Light from infinitely far away: a map of all directions, or the same radiance from everywhere.
+//!
+//! Light sampling asks for what stands out in it. The rest, and so all of an even sky, is found by paths that
+//! scatter to it: they know the cosine and the BSDF, and their ray is traced anyway.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 
 use glam::{Mat3, Vec2, Vec3};
 
 use super::map::Map;
-use super::{LUMINANCE, LightSample, luminance};
+use super::{LUMINANCE, LightSample};
 use crate::desc;
-use crate::warp;
-
-/// Density per steradian of directions that are all alike.
-const UNIFORM: f32 = 1.0 / (2.0 * TAU);
 
 /// An environment with its way of being sampled.
 #[derive(Debug)]
@@ -19,8 +18,6 @@ pub(crate) struct Environment {
     to_world: Mat3,
     to_local: Mat3,
     map: Option<Map>,
-    /// Mean over all directions of the radiance's luminance.
-    mean_luminance: f32,
 }
 
 impl desc::Environment {
@@ -45,14 +42,14 @@ impl Environment {
             scale: environment.scale,
             to_world: environment.to_world,
             to_local: environment.to_world.transpose(),
-            mean_luminance: map.as_ref().map_or(luminance(environment.scale), Map::mean_luminance),
             map,
         }
     }
 
-    /// Mean irradiance on a surface, over the ways it can face: what directional lights are compared with.
+    /// Mean irradiance on a surface, over the ways it can face, by what [`Self::sample`] is for: what other lights are
+    /// compared with. 0 where nothing stands out.
     pub(crate) fn mean_irradiance(&self) -> f32 {
-        PI * self.mean_luminance
+        PI * self.map.as_ref().map_or(0.0, Map::mean_weight)
     }
 
     /// Radiance that arrives from `direction` (unit length, away from the scene).
@@ -64,19 +61,15 @@ impl Environment {
     /// The same, and the density per steradian with which [`Self::sample`] chooses `direction`.
     #[inline]
     pub(crate) fn radiance_pdf(&self, direction: Vec3) -> (Vec3, f32) {
-        let Some(map) = &self.map else { return (self.scale, UNIFORM) };
+        let Some(map) = &self.map else { return (self.scale, 0.0) };
         let (radiance, pdf) = map.radiance_pdf(self.to_local * direction);
         (self.scale * radiance, pdf)
     }
 
-    /// A direction to where the light comes from.
+    /// A direction to where the sky is brighter than on average; none for an even sky.
     #[inline]
     pub(crate) fn sample(&self, u: Vec2) -> Option<LightSample> {
-        let Some(map) = &self.map else {
-            let direction = self.to_world * warp::uniform_sphere(u);
-            return Some(LightSample::from_infinity(direction, self.scale, UNIFORM));
-        };
-        let drawn = map.sample(u)?;
+        let drawn = self.map.as_ref()?.sample(u)?;
         let direction = self.to_world * drawn.direction;
         Some(LightSample::from_infinity(direction, self.scale * drawn.radiance, drawn.pdf))
     }

@@ -1,8 +1,12 @@
 //! A picture of all directions, and drawing directions from it.
 //!
-//! Look-ups interpolate between the centres of four texels: within such a patch radiance is bilinear. Directions are
-//! drawn by exactly that, the luminance of the look-up times the sine that the layout asks for, so that the density of a
-//! direction is known from the four texels which say its radiance, and nothing else needs to be read.
+//! Look-ups interpolate between the centres of four texels: within such a patch radiance is bilinear. What directions are
+//! drawn by is bilinear, too: how much brighter the texels are than the mean of all, times the sine that the layout asks
+//! for. So the density of a direction is known from the four texels which say its radiance, and nothing else needs to be
+//! read.
+//!
+//! What is darker than the mean is left to paths that scatter there by chance, which do that better: "MIS
+//! Compensation" (Karlik, Sik, Vevoda, Skrivan and Krivanek 2019).
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -10,6 +14,10 @@ use rayon::prelude::*;
 use super::distribution::Cells;
 use super::shared_exponent::SharedExponent;
 use crate::desc::{EnvironmentLayout, Image};
+
+/// Directions are drawn by what is this much above the mean: by so much more than 1 that rounding leaves nothing of a
+/// map that is the same everywhere.
+const ABOVE_MEAN: f32 = 1.0 + 1.0 / 1024.0;
 
 /// A map of all directions, ready to be looked up and sampled.
 #[derive(Debug)]
@@ -23,10 +31,12 @@ pub(super) struct Map {
     sines: Vec<f32>,
     /// Weights of the channels in a luminance.
     luminance: Vec3,
+    /// Directions are drawn by the luminance above this.
+    floor: f32,
     /// Mean over the unit square of what directions are drawn by.
     mean: f32,
     /// The patches by what they weigh: one more column and row than texels, since the outer ones are halves. None for a
-    /// black map.
+    /// map that is the same everywhere.
     patches: Option<Cells>,
 }
 
@@ -65,9 +75,13 @@ impl Map {
         };
         let size = [width as i32, height as i32];
         let sines = (-1..=size[1]).map(sine).collect();
-        let mut map = Self { layout, size, texels, sines, luminance, mean: 0.0, patches: None };
+        let mut map = Self { layout, size, texels, sines, luminance, floor: 0.0, mean: 0.0, patches: None };
+        let mean =
+            |masses: &[f32]| masses.iter().map(|&m| f64::from(m)).sum::<f64>() / (width * height) as f64;
+        map.mean = mean(&map.masses()) as f32;
+        map.floor = ABOVE_MEAN * map.mean_weight();
         let masses = map.masses();
-        map.mean = (masses.iter().map(|&m| f64::from(m)).sum::<f64>() / (width * height) as f64) as f32;
+        map.mean = mean(&masses) as f32;
         map.patches = Cells::new(width + 1, &masses);
         map
     }
@@ -81,19 +95,22 @@ impl Map {
             for (x, mass) in (0..).zip(row) {
                 let [[left, right], [top, bottom]] = [extent(x, self.size[0]), extent(y, self.size[1])];
                 let middle = Vec2::new(left + right, top + bottom) / 2.0;
-                *mass = (right - left) * (bottom - top) * self.patch(x, y).weight(middle, self.luminance);
+                *mass = (right - left) * (bottom - top) * self.patch(x, y).weight(middle, self);
             }
         });
         masses
     }
 
-    /// Mean luminance over the sphere.
-    pub(super) fn mean_luminance(&self) -> f32 {
-        match self.layout {
-            // The sines of the rows average 2 / pi over the map.
-            EnvironmentLayout::LatLong => self.mean * std::f32::consts::FRAC_PI_2,
-            EnvironmentLayout::EqualArea => self.mean,
-        }
+    /// Mean over the sphere of the luminance that directions are drawn by.
+    pub(super) fn mean_weight(&self) -> f32 {
+        let height = self.size[1];
+        // As rows are weighed by masses.
+        let sine = |row: i32| {
+            let [top, bottom] = extent(row, height);
+            let row = row as usize;
+            (bottom - top) * lerp(self.sines[row], self.sines[row + 1], 0.5 * (top + bottom))
+        };
+        self.mean * height as f32 / (0..=height).map(sine).sum::<f32>()
     }
 
     /// RGB in a direction (of unit length) of the map's space.
@@ -110,13 +127,12 @@ impl Map {
         (patch.radiance(at), self.pdf(&patch, at, self.layout.stretch(direction)))
     }
 
-    /// A direction, in proportion to the luminance there.
+    /// A direction, in proportion to the luminance there, as far as it is above the mean; none from a map without such.
     #[inline]
     pub(super) fn sample(&self, u: Vec2) -> Option<Drawn> {
         let ([x, y], u) = self.patches.as_ref()?.sample(u);
         let patch = self.patch(x as i32, y as i32);
-        let at =
-            patch.sample(u, [extent(x as i32, self.size[0]), extent(y as i32, self.size[1])], self.luminance);
+        let at = patch.sample(u, [extent(x as i32, self.size[0]), extent(y as i32, self.size[1])], self);
         let place = (Vec2::new(x as f32, y as f32) - 0.5 + at) / self.extents();
         let (direction, stretch) = self.layout.direction(place.clamp(Vec2::ZERO, Vec2::ONE));
         let pdf = self.pdf(&patch, at, stretch);
@@ -125,8 +141,8 @@ impl Map {
 
     #[inline]
     fn pdf(&self, patch: &Patch, at: Vec2, stretch: f32) -> f32 {
-        // At the poles both are 0.
-        let weight = patch.weight(at, self.luminance);
+        // At the poles both are 0; in the dark the weight is.
+        let weight = patch.weight(at, self);
         if weight > 0.0 && stretch > 0.0 { weight / (self.mean * stretch) } else { 0.0 }
     }
 
@@ -177,19 +193,27 @@ impl Patch {
 
     /// What directions are drawn by: bilinear, too.
     #[inline]
-    fn weight(&self, at: Vec2, luminance: Vec3) -> f32 {
+    fn weight(&self, at: Vec2, map: &Map) -> f32 {
+        let [upper, lower] = self.weights(map);
+        lerp(lerp(upper[0], upper[1], at.x), lerp(lower[0], lower[1], at.x), at.y)
+    }
+
+    /// What the texels of both rows contribute to [`Self::weight`].
+    #[inline]
+    fn weights(&self, map: &Map) -> [[f32; 2]; 2] {
         let [upper, lower] = &self.texels;
-        let upper = upper[0].lerp(upper[1], at.x).dot(luminance) * self.sines[0];
-        let lower = lower[0].lerp(lower[1], at.x).dot(luminance) * self.sines[1];
-        lerp(upper, lower, at.y)
+        let weight = |texel: Vec3, sine: f32| (texel.dot(map.luminance) - map.floor).max(0.0) * sine;
+        let [above, below] = self.sines;
+        [
+            [weight(upper[0], above), weight(upper[1], above)],
+            [weight(lower[0], below), weight(lower[1], below)],
+        ]
     }
 
     /// A place in the part of the patch between these columns and rows, in proportion to [`Self::weight`].
     #[inline]
-    fn sample(&self, u: Vec2, [[left, right], [top, bottom]]: [[f32; 2]; 2], luminance: Vec3) -> Vec2 {
-        let [upper, lower] = &self.texels;
-        let upper = [upper[0].dot(luminance) * self.sines[0], upper[1].dot(luminance) * self.sines[0]];
-        let lower = [lower[0].dot(luminance) * self.sines[1], lower[1].dot(luminance) * self.sines[1]];
+    fn sample(&self, u: Vec2, [[left, right], [top, bottom]]: [[f32; 2]; 2], map: &Map) -> Vec2 {
+        let [upper, lower] = self.weights(map);
         // The mean of a row is what it has in its middle.
         let middle = 0.5 * (left + right);
         let (first, last) = (lerp(upper[0], upper[1], middle), lerp(lower[0], lower[1], middle));

@@ -49,6 +49,7 @@ fn lump() -> SceneDesc {
             layout: EnvironmentLayout::LatLong,
             scale: Vec3::new(0.4, 0.5, 0.7),
             to_world: Mat3::IDENTITY,
+            portal: None,
         }),
         cameras: vec![Camera::perspective(
             "main",

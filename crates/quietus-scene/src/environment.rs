@@ -39,5 +39,6 @@ pub fn load_environment_bytes(path: &Path, bytes: &[u8]) -> Result<Environment, 
         layout: EnvironmentLayout::LatLong,
         scale: Vec3::ONE,
         to_world: Mat3::IDENTITY,
+        portal: None,
     })
 }

@@ -7,8 +7,8 @@ use glam::{Vec2, Vec3};
 use quietus_scene::{Loaded, load, load_bytes};
 use quietus_trace::desc::{
     Alpha, Camera, CurveKind, Density, EnvironmentLayout, FrameAxis, Geometry, Glow, HairColor, Interior,
-    Light, Mapping, Material, Mesh, Metal, NoisePattern, PictureSpread, Projection, Quadric, RoughnessScale,
-    SceneDesc, Shape, Surface, Texels, Texture, Wrap,
+    Light, Mapping, Material, Mesh, Metal, NoisePattern, PictureSpread, Portal, Projection, Quadric,
+    RoughnessScale, SceneDesc, Shape, Surface, Texels, Texture, Wrap,
 };
 use quietus_trace::filter::FilterShape;
 
@@ -135,13 +135,52 @@ fn skies_turn_with_their_light() {
         let own = Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
         assert!(close(sky.to_world * lat_long(u, v), turn * own));
     }
-    // The same radiance everywhere gives pi times as much on a surface.
+    // The same radiance everywhere gives pi times as much on a surface, of which pbrt counts a half.
     std::fs::write(&path, format!("WorldBegin {light} \"float illuminance\" 5")).expect("writable");
     let sky = load(&path).expect("sound").scene.environment.expect("a sky");
-    assert!(close(sky.scale, Vec3::splat(3.0 * 5.0 / PI)), "{}", sky.scale);
+    assert!(close(sky.scale, Vec3::splat(3.0 * 5.0 * 2.0 / PI)), "{}", sky.scale);
     float_map(&folder.path().join("sky.pfm"), 2, &[1.0; 4]);
     let sky = load(&path).expect("sound").scene.environment.expect("a sky");
     assert_eq!(sky.layout, EnvironmentLayout::EqualArea);
+}
+
+#[test]
+fn power_counts_the_picture_of_a_light() {
+    let folder = tempfile::tempdir().expect("a folder");
+    float_map(&folder.path().join("shade.pfm"), 2, &[0.0, 1.0, 2.0, 5.0]);
+    let path = folder.path().join("test.pbrt");
+    let light = "AreaLightSource \"diffuse\" \"string filename\" \"shade.pfm\" \"float power\" 6";
+    std::fs::write(&path, format!("WorldBegin {light} Shape \"disk\"")).expect("writable");
+    let scene = load(&path).expect("sound").scene;
+    let emission = &scene.materials[shapes(&scene)[0].material.0 as usize].emission;
+    // Mean radiance 2 and area pi give 2 pi^2.
+    assert!(close(emission.factor, Vec3::splat(6.0 / (2.0 * PI * PI))), "{}", emission.factor);
+}
+
+#[test]
+fn what_transforms_flatten_is_left_out() {
+    let flat = "ConcatTransform [-0 -0 0 0 0 1 0 0 -1e-16 0 -1 0 7 8 9 1]";
+    let Loaded { scene, warnings } = read(&format!(
+        "WorldBegin ObjectBegin \"a\" Shape \"sphere\" ObjectEnd AttributeBegin {flat} AttributeBegin AttributeEnd
+         Shape \"sphere\" LightSource \"point\" ObjectInstance \"a\" AttributeEnd LightSource \"point\" {TRIANGLE}"
+    ));
+    assert_eq!((shapes(&scene).len(), scene.instances.len(), scene.lights.len()), (2, 1, 1));
+    let said = warnings.iter().filter(|warning| warning.message.contains("flattens space")).count();
+    assert_eq!(said, 3, "{warnings:?}");
+}
+
+#[test]
+fn portals_stay_where_they_are() {
+    let portal = "\"point3 portal\" [96 280 -523  96 280 -269  96 9 -269  96 9 -523]";
+    let light = |more: &str| format!("Rotate 340 0 1 0 LightSource \"infinite\" \"rgb L\" [3 2 1] {more}\n");
+    let sky = world(&light(portal)).environment.expect("a sky");
+    let edges = [Vec3::new(0.0, -271.0, 0.0), Vec3::new(0.0, 0.0, 254.0)];
+    let expected = Portal { corner: Vec3::new(96.0, 280.0, -523.0), edges };
+    assert_eq!((sky.portal, sky.scale), (Some(expected), Vec3::new(3.0, 2.0, 1.0)));
+    assert_eq!(world(&(light(portal) + &light(portal))).environment.expect("a sky").portal, Some(expected));
+    let Loaded { scene, warnings } = read(&format!("WorldBegin {}{}", light(portal), light("")));
+    assert_eq!(scene.environment.expect("a sky").portal, None);
+    assert!(warnings.iter().any(|warning| warning.message.contains("portals of several")), "{warnings:?}");
 }
 
 #[test]
@@ -170,6 +209,8 @@ fn film_filter_sampler_and_integrator() {
     let filter = picture.filter.expect("a filter");
     assert_eq!(filter.radius, Vec2::new(3.0, 2.0));
     assert!(matches!(filter.shape, FilterShape::Mitchell { .. }));
+    assert_eq!(header("Sampler \"independent\"").picture.samples, Some(4));
+    assert_eq!(header("Sampler \"halton\"").picture.samples, Some(16));
     let plain = header("").picture;
     assert_eq!((plain.size, plain.exposure, plain.max_depth), (Some([1280, 720]), None, Some(6)));
     assert_eq!(plain.filter, Some(quietus_trace::filter::Filter::GAUSSIAN));
@@ -431,6 +472,18 @@ fn included_files_go_on_and_imported_ones_leave_no_trace() {
         shapes(&scene).iter().map(center).collect::<Vec<_>>()
     };
     assert_eq!(read("WorldBegin Include \"part.pbrt\" Shape \"sphere\""), [1.0, 1.0]);
+    // A list of parameters goes on behind the file that begins it, and over the ends of several.
+    write("nested.pbrt", b"Translate 1 0 0 Include \"part.pbrt\" # the end");
+    for text in [
+        "WorldBegin Include \"part.pbrt\" \"float radius\" 2 Shape \"sphere\"",
+        "WorldBegin Include \"nested.pbrt\"\n\"float radius\" [ 2 ]\nTranslate -1 0 0 Shape \"sphere\"",
+    ] {
+        let centers = read(text);
+        assert_eq!(centers.len(), 2, "{text}");
+        assert_eq!(centers[1], 1.0, "{text}");
+        let scene = load(&folder.path().join("main.pbrt")).expect("sound").scene;
+        assert!(matches!(shapes(&scene)[0].geometry, Geometry::Sphere { radius: 2.0, .. }), "{text}");
+    }
     assert_eq!(read("WorldBegin Import \"part.pbrt\" Shape \"sphere\""), [1.0, 0.0]);
     // The same, packed.
     let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());

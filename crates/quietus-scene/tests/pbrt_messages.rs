@@ -93,11 +93,19 @@ const FAULTS: &[(&str, &str, &str)] = &[
     ("W LightSource \"point\"\n \"spectrum I\" [500 1 400 1]", "2:2", "wavelength 400 after 500"),
     ("W LightSource \"point\"\n \"spectrum I\" \"stdillum-D66\"", "2:2", "did you mean \"stdillum-D65\"?"),
     ("W LightSource \"infinite\"\n \"bool L\" maybe", "2:11", "maybe in \"bool L\", expected true or false"),
+    ("W LightSource \"infinite\"\n \"point3 portal\" [0 0 0]", "2:2", "has 1 corners, expected 4"),
+    ("W LightSource \"infinite\"\n \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 2 0]", "2:2", "are no rectangle"),
+    ("W LightSource \"infinite\"\n \"point3 portal\" [0 0 0 1 0 0 2 1 0 1 1 0]", "2:2", "are no rectangle"),
     // Transforms.
-    ("W\n Scale 1 0 1", "2:2", "the transform cannot be undone"),
+    (
+        "W\n Scale 1 0 1 Texture \"a\" \"float\" \"constant\"",
+        "2:14",
+        "Texture under a transform that flattens",
+    ),
+    ("Scale 1 0 1\nCamera \"perspective\" W", "2:1", "Camera under a transform that flattens space"),
     ("W\n Rotate 10 0 0 0", "2:2", "axis of length 0"),
     ("W\n LookAt 0 0 0 0 0 0 0 1 0", "2:2", "LookAt expects"),
-    ("W\n Transform [0 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1]", "2:2", "Transform cannot be undone"),
+    ("W\n Transform [1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 0]", "2:2", "with perspective"),
     ("W\n ConcatTransform [1 0 0 1 0 1 0 0 0 0 1 0 0 0 0 1]", "2:2", "with perspective"),
     ("W\n CoordSysTransform \"wrold\"", "2:20", "did you mean \"world\"?"),
     ("W\n ActiveTransform Start", "2:18", "expected StartTime, EndTime or All"),
@@ -263,7 +271,7 @@ fn errors_start_with_file_line_and_column() {
 /// Directives after `WorldBegin`, the place of the warning, and a part of it.
 const WARNINGS: &[(&str, &str, &str)] = &[
     ("LightSource \"goniometric\"", "2:1", "shines to all sides alike"),
-    ("LightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]", "2:24", "portals"),
+    ("AttributeBegin Scale 1 0 1 Shape \"sphere\" AttributeEnd", "2:28", "a shape has no extent where its"),
     ("Material \"subsurface\" \"string name\" \"Skim1\" Shape \"sphere\"", "2:1", "did you mean \"Skin1\"?"),
     (
         "Texture \"a\" \"float\" \"ptex\" \"string filename\" \"a.ptx\"",

@@ -268,9 +268,9 @@ impl<I: Isa> Path<'_, I> {
     fn escape(&mut self, depth: u32) {
         let Some(environment) = self.scene.environment() else { return };
         let (radiance, weight) = if self.pdf == f32::INFINITY {
-            (environment.radiance(self.direction), 1.0)
+            (environment.radiance(self.origin, self.direction), 1.0)
         } else {
-            let (radiance, pdf) = environment.radiance_pdf(self.direction);
+            let (radiance, pdf) = environment.radiance_pdf(self.receiver.position, self.direction);
             let chosen = self.scene.lights.probability_of_environment(self.isa, &self.receiver);
             (radiance, power_heuristic(self.pdf, chosen * pdf))
         };

@@ -13,7 +13,13 @@ const ROWS: u32 = 64;
 
 /// The same radiance from everywhere.
 pub(crate) fn even() -> Environment {
-    Environment { image: None, layout: EnvironmentLayout::LatLong, scale: MEAN, to_world: Mat3::IDENTITY }
+    Environment {
+        image: None,
+        layout: EnvironmentLayout::LatLong,
+        scale: MEAN,
+        to_world: Mat3::IDENTITY,
+        portal: None,
+    }
 }
 
 /// Bright above, darker around and below, with the mean of the even one. White things stand out: a diffuse one is brighter

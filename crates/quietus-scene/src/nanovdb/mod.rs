@@ -2,10 +2,11 @@
 //! and Portable VDB Data Structure For Real-Time Rendering And Simulation"; layout of versions 32).
 //!
 //! A file is a list of segments, each with a header, what is known of each of its grids, and the grids, which may be
-//! packed with zlib. A grid is a tree of nodes in one piece of memory (`tree`), which becomes a grid in bricks.
+//! packed with zlib or [`blosc`]. A grid is a tree of nodes in one piece of memory (`tree`), which becomes a grid in bricks.
 //!
 //! Limits: files of 4 GiB; grids of 16 GiB unpacked, of 2^26 blocks of 8 x 8 x 8 cells between their outermost values.
 
+mod blosc;
 mod tree;
 
 use std::io::Read;
@@ -112,7 +113,7 @@ struct Entry<'a> {
 enum Packed<'a> {
     Not(&'a [u8]),
     Zlib(&'a [u8]),
-    Blosc,
+    Blosc(&'a [u8]),
 }
 
 /// Bytes of which the file may hold fewer than it says.
@@ -248,7 +249,7 @@ fn segment<'a>(
             0 => Packed::Not(content),
             // The length of what follows, once more.
             1 => Packed::Zlib(content.get(8..).unwrap_or(&[])),
-            2 => Packed::Blosc,
+            2 => Packed::Blosc(content),
             _ => {
                 return Err(
                     file.fault(start + 14, format!("the codec has number {codec}, expected 0, 1 or 2"))
@@ -263,8 +264,11 @@ fn segment<'a>(
 
 impl Entry<'_> {
     fn refuse(&self, message: String) -> SceneError {
-        let place = format!("grid \"{}\"", self.name);
-        SceneError::new(ErrorKind::Unsupported, self.path, place, message)
+        SceneError::new(ErrorKind::Unsupported, self.path, self.place(), message)
+    }
+
+    fn place(&self) -> String {
+        format!("grid \"{}\"", self.name)
     }
 
     /// Unpacks and reads it.
@@ -279,10 +283,11 @@ impl Entry<'_> {
                 unpacked = self.unpack(bytes)?;
                 &unpacked
             }
-            Packed::Blosc => {
-                let message =
-                    "is packed with BLOSC, which is not read: nanovdb_convert --zip or --none packs it anew";
-                return Err(self.refuse(message.to_owned()));
+            Packed::Blosc(bytes) => {
+                let fault = |message| SceneError::new(ErrorKind::Syntax, self.path, self.place(), message);
+                unpacked = blosc::unpack(bytes, self.bytes)
+                    .map_err(|message| fault(format!("cannot be unpacked: {message}")))?;
+                &unpacked
             }
         };
         self.header(Bytes { path: self.path, bytes })
@@ -291,8 +296,7 @@ impl Entry<'_> {
     fn unpack(&self, packed: &[u8]) -> Result<Vec<u8>, SceneError> {
         let mut bytes = Vec::new();
         let read = ZlibDecoder::new(packed).take(self.bytes + 1).read_to_end(&mut bytes);
-        let place = || format!("grid \"{}\"", self.name);
-        let fault = |message| SceneError::new(ErrorKind::Syntax, self.path, place(), message);
+        let fault = |message| SceneError::new(ErrorKind::Syntax, self.path, self.place(), message);
         read.map_err(|error| fault(format!("cannot be unpacked: {error}")))?;
         if bytes.len() as u64 != self.bytes {
             let found = bytes.len();

@@ -1,6 +1,6 @@
 //! What stands behind a directive's word: strings, numbers and matrices.
 
-use glam::{DAffine3, DMat4, DVec3, DVec4};
+use glam::{DAffine3, DMat4, DVec3};
 
 use super::fault::{Fault, Place, Result};
 use super::lexer::{Lexer, Token};
@@ -55,16 +55,19 @@ pub(super) fn matrix(word: &str, place: Place, lexer: &mut Lexer<'_>) -> Result<
     if bracketed && !matches!(required(word, lexer)?.0, Token::Close) {
         return Err(Fault::syntax(place, format!("{word} expects 16 numbers and a closing bracket")));
     }
-    let matrix = DMat4::from_cols_array(&values);
-    if matrix.row(3) != DVec4::W {
+    let mut matrix = DMat4::from_cols_array(&values);
+    let last = matrix.row(3);
+    // Programs that write matrices leave a last digit here.
+    let flat = last.truncate().abs().max_element() <= ROUNDING * last.w.abs();
+    if !flat || last.w == 0.0 {
         return Err(Fault::unsupported(
             place,
             format!("{word} with perspective, expected 0 0 0 1 as last row"),
         ));
     }
-    let transform = DAffine3::from_mat4(matrix);
-    if !transform.inverse().is_finite() {
-        return Err(Fault::invalid(place, format!("{word} cannot be undone: it flattens space")));
-    }
-    Ok(transform)
+    matrix *= 1.0 / last.w;
+    Ok(DAffine3::from_mat4(matrix))
 }
+
+/// What is no perspective but the rounding of single precision.
+const ROUNDING: f64 = 1e-6;

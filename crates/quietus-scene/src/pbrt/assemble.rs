@@ -18,9 +18,9 @@ use super::camera::{self, Shutter};
 use super::draft::{self, AreaLight, Draft, Form, Group};
 use super::fault::{Context, Fault, Result, unknown};
 use super::film;
-use super::images::Requests;
+use super::images::{Images, Requests};
 use super::lens::{self, ThinLens};
-use super::light::Lights;
+use super::light::{self, Lights};
 use super::material::{Materials, Worn};
 use super::medium::Media;
 use super::meshes::{self, Made};
@@ -62,7 +62,7 @@ pub(super) fn scene(mut draft: Draft, images: Requests, context: &Context) -> Re
     let mut meshes = made.check(context)?.into_iter();
     let images = loaded?;
 
-    let mut builder = Builder { context, materials, media: &media, scene };
+    let mut builder = Builder { context, materials, media: &media, images: &images, scene };
     let placed: Vec<Placed> = groups
         .into_iter()
         .enumerate()
@@ -109,6 +109,7 @@ struct Builder<'a, 'c> {
     context: &'c Context,
     materials: Materials<'a, 'c>,
     media: &'a Media,
+    images: &'a Images,
     scene: SceneDesc,
 }
 
@@ -190,7 +191,10 @@ impl Builder<'_, '_> {
         let style = &shape.style;
         let base = self.materials.resolve(&style.material)?;
         let light = self.light(&shape, base, definition);
-        let area = area(&shape, made.as_ref());
+        let mut area = area(&shape, made.as_ref());
+        if let Some(AreaLight { power: Some(_), image: Some(image), .. }) = light.as_deref() {
+            area *= light::mean_luminance(self.images.get(*image));
+        }
         if let (Some(AreaLight { power: Some(_), place, .. }), Some(Made { area: (_, false), .. })) =
             (light.as_deref(), &made)
         {

@@ -130,6 +130,7 @@ fn sensor(params: &Params, context: &Context) -> Result<Vec3> {
     }
     let expected = "0 for none, or at least 1000 kelvin";
     match params.float_where("whitebalance", 0.0, |kelvin| kelvin == 0.0 || kelvin >= 1000.0, expected)? {
+        // pbrt balances measured sensors for daylight of 6500 K, which is the white of our colours.
         0.0 => Ok(Vec3::ONE),
         kelvin => Ok(white_balance(f64::from(kelvin))),
     }
@@ -214,6 +215,7 @@ fn samples(entity: &Entity) -> Result<u32> {
             let y = params.integer_from("ysamples", 1)?.unwrap_or(4);
             x.saturating_mul(y)
         }
+        "independent" => params.integer_from("pixelsamples", 1)?.unwrap_or(4),
         kind if SAMPLERS.contains(&kind) => params.integer_from("pixelsamples", 1)?.unwrap_or(DEFAULT),
         kind => return Err(Fault::invalid(params.place, unknown("sampler", kind, &SAMPLERS))),
     };
@@ -258,6 +260,8 @@ fn integrator(entity: &Entity, context: &Context) -> Result<u32> {
         "mutationsperpixel",
         "photonsperiteration",
         "radius",
+        // Of earlier versions of pbrt-v4.
+        "rrthreshold",
         "samplebsdf",
         "samplelights",
         "seed",

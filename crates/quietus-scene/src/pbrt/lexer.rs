@@ -37,7 +37,7 @@ impl Token<'_> {
 }
 
 /// Hands out the tokens of a text, borrowed from it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Lexer<'a> {
     text: &'a [u8],
     at: usize,
@@ -46,6 +46,19 @@ pub(super) struct Lexer<'a> {
     /// Where the line starts.
     line_start: usize,
     peeked: Option<(Token<'a>, Place)>,
+    /// The text that includes this one, after the name of this one.
+    outer: Option<Box<Lexer<'a>>>,
+    /// How many texts have been left for the one that includes them.
+    left: usize,
+}
+
+/// A place to go on from, in the text that is `left` texts further out.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mark {
+    left: usize,
+    at: usize,
+    line: u32,
+    line_start: usize,
 }
 
 const fn ends_word(byte: u8) -> bool {
@@ -57,7 +70,39 @@ impl<'a> Lexer<'a> {
     pub(super) fn new(text: &'a [u8], file: u32) -> Self {
         // Some editors begin files with a byte order mark.
         let at = if text.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
-        Self { text, at, file, line: 1, line_start: 0, peeked: None }
+        Self { text, at, file, line: 1, line_start: 0, peeked: None, outer: None, left: 0 }
+    }
+
+    /// Starts a text that `outer` includes. A list of parameters at its end goes on there, as in pbrt, for which
+    /// included files are one text with what includes them.
+    pub(super) fn within<'b: 'a>(text: &'a [u8], file: u32, outer: &Lexer<'b>) -> Self {
+        Self { outer: Some(Box::new(outer.clone())), ..Self::new(text, file) }
+    }
+
+    /// At the end of an included text: goes on in the one that includes it. False where there is none.
+    pub(super) fn leave(&mut self) -> bool {
+        let Some(outer) = self.outer.take() else { return false };
+        *self = Self { left: self.left + 1, ..*outer };
+        true
+    }
+
+    /// Where this has got to outside of the text it started in, if it has left it.
+    pub(super) fn mark(&self) -> Option<Mark> {
+        let at = match &self.peeked {
+            // No token goes over the end of its line.
+            Some((_, place)) => self.line_start + place.column as usize - 1,
+            None => self.at,
+        };
+        let Self { left, line, line_start, .. } = *self;
+        (left > 0).then_some(Mark { left, at, line, line_start })
+    }
+
+    /// Goes on where an included text has got to.
+    pub(super) fn resume(&mut self, Mark { left, at, line, line_start }: Mark) {
+        for _ in 1..left {
+            self.leave();
+        }
+        (self.at, self.line, self.line_start, self.peeked) = (at, line, line_start, None);
     }
 
     /// The place of the next token, or the end.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Mat3, Vec2, Vec3};
 use quietus_trace::desc::{
-    Environment, EnvironmentLayout, Image, Light, PictureSpread, SceneDesc, SpotFalloff, Texels,
+    Environment, EnvironmentLayout, Image, Light, PictureSpread, Portal, SceneDesc, SpotFalloff, Texels,
 };
 
 use super::draft::{AreaLight, Entity};
@@ -86,6 +86,7 @@ struct Sky {
     illuminance: Option<f32>,
     /// From the light's space.
     to_world: DMat3,
+    portal: Option<Portal>,
     place: Place,
 }
 
@@ -127,6 +128,7 @@ impl Lights {
 
     /// Puts the lights into `scene`. Several skies become one.
     pub(super) fn finish(self, images: &Images, context: &Context, scene: &mut SceneDesc) -> Result<()> {
+        let portal = self.portal(context);
         scene.lights = self.lights;
         for light in &self.projected {
             scene.lights.push(light.light(images)?);
@@ -151,9 +153,23 @@ impl Lights {
                 layout: EnvironmentLayout::LatLong,
                 scale: constant,
                 to_world: Mat3::IDENTITY,
+                portal: None,
             }),
         };
+        if let Some(environment) = &mut scene.environment {
+            environment.portal = portal;
+        }
         Ok(())
+    }
+
+    /// The portal that all skies have.
+    fn portal(&self, context: &Context) -> Option<Portal> {
+        let first = self.skies.first()?.portal;
+        let Some(other) = self.skies.iter().find(|sky| sky.portal != first) else { return first };
+        let message =
+            "portals of several infinite lights are only drawn where all have the same: they are left out";
+        context.warn(other.place, message);
+        None
     }
 }
 
@@ -170,7 +186,9 @@ impl Sky {
         let layout = layout(image).map_err(|message| Fault::invalid(self.place, message))?;
         let mut scale = self.scale;
         if let Some(wanted) = self.illuminance {
-            let found = illuminance(image, layout);
+            // The program pbrt gives texels of a picture half of their solid angle here, and so twice the light that
+            // its documentation promises. Scenes are made with the program.
+            let found = 0.5 * illuminance(image, layout);
             if found > 0.0 {
                 scale *= wanted / found;
             }
@@ -182,7 +200,7 @@ impl Sky {
             // In the light's space z is up, and the middle of the picture looks along -x.
             EnvironmentLayout::LatLong => self.to_world * DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::X),
         };
-        Ok(Environment { image: Some(image), layout, scale, to_world: to_world.as_mat3() })
+        Ok(Environment { image: Some(image), layout, scale, to_world: to_world.as_mat3(), portal: None })
     }
 }
 
@@ -196,6 +214,13 @@ fn layout(image: &Image) -> std::result::Result<EnvironmentLayout, String> {
              wide as high (latitude and longitude)"
         )),
     }
+}
+
+/// Mean luminance of a picture's texels.
+pub(super) fn mean_luminance(image: &Image) -> f32 {
+    let texels = linear(image.texels.clone());
+    let sum: f64 = texels.iter().map(|[r, g, b, _]| f64::from(LUMINANCE.dot(Vec3::new(*r, *g, *b)))).sum();
+    (sum / texels.len().max(1) as f64) as f32
 }
 
 fn brightened(image: &Image, constant: Vec3) -> Arc<Image> {
@@ -231,10 +256,6 @@ fn illuminance(image: &Image, layout: EnvironmentLayout) -> f32 {
 }
 
 fn infinite(params: &Params, to_world: DAffine3, context: &Context, images: &mut Requests) -> Result<Sky> {
-    if params.has("portal") {
-        context.warn(params.place_of("portal"), "portals of infinite lights are not needed and not used");
-        params.ignore(&["portal"]);
-    }
     if uniform_scale(&to_world).is_none() {
         context.warn(params.place, "an infinite light that is stretched is only turned");
     }
@@ -245,13 +266,39 @@ fn infinite(params: &Params, to_world: DAffine3, context: &Context, images: &mut
         Some(scale) => to_world.matrix3 * (1.0 / scale),
         None => DMat3::from_quat(parts.rotation) * DMat3::from_diagonal(DVec3::splat(mirror)),
     };
+    let portal = portal(params)?;
+    let strength = match params.spectrum("L", context)? {
+        // As in pbrt, where a portal makes a picture of it.
+        Some(spectrum) if portal.is_some() => spectrum.radiance(),
+        _ => params.light("L", context)?,
+    };
     Ok(Sky {
         image: image(params, context, images)?,
-        scale: params.light("L", context)? * scale(params)?,
+        scale: strength * scale(params)?,
         illuminance: positive(params, "illuminance")?,
         to_world,
+        portal,
         place: params.place,
     })
+}
+
+/// Four corners in the world, whatever the light's transform. Light is seen on the side to which the first edge turns
+/// by the last one.
+fn portal(params: &Params) -> Result<Option<Portal>> {
+    let corners = params.vec3s("portal", Kind::Point3)?;
+    let refuse = |expected: &str| Err(Fault::invalid(params.place_of("portal"), expected));
+    let (corner, edges, opposite) = match corners[..] {
+        [] => return Ok(None),
+        [a, b, c, d] => (a, [d - a, b - a], c),
+        _ => return refuse(&format!("\"portal\" has {} corners, expected 4", corners.len())),
+    };
+    let [x, y] = edges.map(Vec3::length);
+    let skewed = edges[0].dot(edges[1]).abs() > 1e-3 * x * y;
+    let open = (corner + edges[0] + edges[1]).distance(opposite) > 1e-3 * (x + y);
+    if !(x * y).is_normal() || skewed || open {
+        return refuse("the corners of \"portal\" are no rectangle, expected one, corner after corner");
+    }
+    Ok(Some(Portal { corner, edges }))
 }
 
 /// `from` and the direction to `to`, in the world.

@@ -51,7 +51,7 @@ struct Base {
 #[derive(Clone, Debug)]
 pub(super) struct Worn<'a> {
     pub light: Option<&'a AreaLight>,
-    /// The area that its power is spread over, see [`Worn::radiance`].
+    /// The area that its power is spread over, times the mean luminance of the light's picture if it has one.
     pub area: f32,
     pub alpha: Option<&'a Alpha>,
 }

@@ -107,7 +107,13 @@ impl Param {
 /// Reads the parameters that follow a directive.
 pub(super) fn parse(lexer: &mut Lexer<'_>, context: &Context, space: ColorSpace) -> Result<Vec<Param>> {
     let mut list: Vec<Param> = Vec::new();
-    while matches!(lexer.peek()?, Some(Token::Quoted(_))) {
+    loop {
+        match lexer.peek()?.map(|token| matches!(token, Token::Quoted(_))) {
+            Some(true) => {}
+            Some(false) => break,
+            None if lexer.leave() => continue,
+            None => break,
+        }
         let Some((Token::Quoted(declaration), place)) = lexer.next()? else { break };
         let param = parameter(&declaration, place, lexer, space)?;
         if let Some(earlier) = list.iter_mut().find(|other| other.name == param.name) {

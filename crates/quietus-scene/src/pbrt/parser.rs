@@ -165,8 +165,11 @@ impl<'c> Parser<'c> {
         Ok(())
     }
 
+    /// Reads directives up to the end, or to where the last of them has led out of the text.
     fn directives(&mut self, lexer: &mut Lexer<'_>) -> Result<()> {
-        while let Some((token, place)) = lexer.next()? {
+        while lexer.mark().is_none()
+            && let Some((token, place)) = lexer.next()?
+        {
             match token {
                 Token::Word(word) => self.directive(word, place, lexer)?,
                 other => {
@@ -212,7 +215,9 @@ impl<'c> Parser<'c> {
             "Texture" => self.texture(place, lexer),
             "LightSource" => {
                 let entity = self.entity("light", place, lexer, |a| &a.light)?;
-                self.draft.lights.push((entity, self.state.to_world));
+                if !self.left_out("a light", place) {
+                    self.draft.lights.push((entity, self.state.to_world));
+                }
                 Ok(())
             }
             "AreaLightSource" => {
@@ -365,7 +370,9 @@ impl<'c> Parser<'c> {
         if self.group != 0 {
             return Err(Fault::invalid(place, "ObjectInstance inside an object's definition"));
         }
-        self.draft.uses.push(Use { name: name.into(), place, to_world: self.state.to_world });
+        if !self.left_out("an object", place) {
+            self.draft.uses.push(Use { name: name.into(), place, to_world: self.state.to_world });
+        }
         Ok(())
     }
 
@@ -387,8 +394,12 @@ impl<'c> Parser<'c> {
         let state = import.then(|| self.state.clone());
         let depth = self.stack.len();
         self.including.push(path.clone());
-        let mut inner = Lexer::new(&text, self.context.add_file(&path));
+        let file = self.context.add_file(&path);
+        let mut inner = if import { Lexer::new(&text, file) } else { Lexer::within(&text, file, lexer) };
         self.directives(&mut inner)?;
+        if let Some(mark) = inner.mark() {
+            lexer.resume(mark);
+        }
         self.including.pop();
         if let Some(state) = state {
             if self.stack.len() != depth {
@@ -405,7 +416,9 @@ impl<'c> Parser<'c> {
         let to_world = self.state.to_world;
         let style = Rc::clone(&self.state.style);
         let shape = shape::read(&entity, to_world, style, self.context, &mut self.draft.ply)?;
-        self.draft.groups[self.group].shapes.extend(shape);
+        if !self.left_out("a shape", place) {
+            self.draft.groups[self.group].shapes.extend(shape);
+        }
         Ok(())
     }
 
@@ -437,6 +450,7 @@ impl<'c> Parser<'c> {
         if self.draft.media.iter().any(|(other, ..)| **other == *name) {
             return Err(Fault::invalid(place, format!("medium \"{name}\" is made twice")));
         }
+        self.extended("MakeNamedMedium", place)?;
         self.draft.media.push((name.into(), Entity { kind, params }, self.state.to_world));
         Ok(())
     }
@@ -468,6 +482,7 @@ impl<'c> Parser<'c> {
         if self.draft.textures.iter().any(|other| *other.name == *name && other.color == color) {
             return Err(Fault::invalid(place, format!("{values} texture \"{name}\" is defined twice")));
         }
+        self.extended("Texture", place)?;
         let to_world = self.state.to_world;
         self.draft.textures.push(TextureEntity { name: name.into(), color, entity, to_world });
         Ok(())
@@ -478,6 +493,7 @@ impl<'c> Parser<'c> {
         let list = params::parse(lexer, self.context, self.state.space)?;
         let params = Params::new(format!("camera \"{kind}\""), place, list, Vec::new());
         let entity = Entity { kind: kind.into(), params };
+        self.extended("Camera", place)?;
         let to_world = self.state.to_world.inverse();
         self.spaces.insert("camera".into(), to_world);
         let medium = self.state.style.media[1].clone();

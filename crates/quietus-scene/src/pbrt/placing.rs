@@ -89,10 +89,32 @@ impl Parser<'_> {
     fn concat(&mut self, transform: DAffine3, place: Place) -> Result<()> {
         let joined = self.state.to_world.after(Moving::still(transform));
         self.set(joined);
-        let sound = |t: &DAffine3| t.is_finite() && t.inverse().is_finite();
-        if joined.0.iter().all(sound) {
+        if joined.0.iter().all(DAffine3::is_finite) {
             return Ok(());
         }
-        Err(Fault::invalid(place, "the transform cannot be undone: it flattens space or overflows"))
+        Err(Fault::invalid(place, "the transform overflows"))
+    }
+
+    /// Whether what stands here has no extent in some direction: exporters write such transforms around nothing.
+    pub(super) fn is_flattened(&self) -> bool {
+        !self.state.to_world.0.iter().all(|transform| transform.inverse().is_finite())
+    }
+
+    /// Says of `what` that it is flattened and left out, if it is.
+    pub(super) fn left_out(&self, what: &str, place: Place) -> bool {
+        let flattened = self.is_flattened();
+        if flattened {
+            let message = format!("{what} has no extent where its transform flattens space; it is left out");
+            self.context.warn(place, message);
+        }
+        flattened
+    }
+
+    /// Refuses `what` under a transform that flattens space.
+    pub(super) fn extended(&self, what: &str, place: Place) -> Result<()> {
+        match self.is_flattened() {
+            false => Ok(()),
+            true => Err(Fault::invalid(place, format!("{what} under a transform that flattens space"))),
+        }
     }
 }

@@ -32,6 +32,7 @@ pub(super) fn added(skies: &[Environment], constant: Vec3) -> Environment {
         layout: EnvironmentLayout::LatLong,
         scale: Vec3::ONE,
         to_world: Mat3::IDENTITY,
+        portal: None,
     }
 }
 
@@ -43,7 +44,7 @@ mod tests {
         let texel = |i: u32| [(i % 7) as f32, (i % 5) as f32, (i % 3) as f32, 1.0];
         let texels = Texels::Float((0..width * height).map(texel).collect());
         let image = Image { name: String::new(), width, height, texels };
-        Environment { image: Some(Arc::new(image)), layout, scale: Vec3::splat(0.5), to_world }
+        Environment { image: Some(Arc::new(image)), layout, scale: Vec3::splat(0.5), to_world, portal: None }
     }
 
     /// In the middle of its texels the sum shows what its parts show there.

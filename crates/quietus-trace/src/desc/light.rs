@@ -96,6 +96,18 @@ pub struct Environment {
     pub scale: Vec3,
     /// Rotation from the map's space to the world.
     pub to_world: Mat3,
+    /// The only opening through which its light is seen; everywhere it is not hidden where absent.
+    pub portal: Option<Portal>,
+}
+
+/// A rectangle in the world. Light is seen through it in directions that have a part along the cross product of its
+/// edges.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Portal {
+    /// One of its corners.
+    pub corner: Vec3,
+    /// From there to those next to it: perpendicular to each other, with a length above 0.
+    pub edges: [Vec3; 2],
 }
 
 /// A medium, the same everywhere unless it varies. Coefficients are per metre.

@@ -16,7 +16,7 @@ pub use geometry::{
     CurveKind, CurveSegment, Curves, Geometry, Instance, MediumInterface, Mesh, Object, PatchMesh, Quadric,
     Shape,
 };
-pub use light::{Environment, EnvironmentLayout, Light, Medium, PictureSpread, SpotFalloff};
+pub use light::{Environment, EnvironmentLayout, Light, Medium, PictureSpread, Portal, SpotFalloff};
 pub use material::{
     Alpha, Anisotropy, Coat, Glass, Hair, HairColor, Interior, Material, Measured, Metal, MetalRough,
     Roughness, RoughnessScale, Sheets, Subsurface, Surface, ThinFilm,

@@ -69,6 +69,7 @@ impl Builder {
             image: None,
             scale,
             to_world: Mat3::IDENTITY,
+            portal: None,
         });
     }
 
@@ -366,7 +367,8 @@ impl crate::isa::Job for OnePoint<'_> {
         let receiver = crate::light::Receiver::surface(Vec3::ZERO, 0.0, Vec3::Y, false);
         let arrives = |w: Vec3| match cast(w) {
             None => {
-                let (radiance, pdf) = scene.environment().map_or((Vec3::ZERO, 0.0), |e| e.radiance_pdf(w));
+                let (radiance, pdf) =
+                    scene.environment().map_or((Vec3::ZERO, 0.0), |e| e.radiance_pdf(Vec3::ZERO, w));
                 (f64::from(radiance.y), pdf * scene.lights.probability_of_environment(isa, &receiver))
             }
             Some(hit) => {

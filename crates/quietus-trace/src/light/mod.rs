@@ -12,6 +12,7 @@ mod environment;
 mod layout;
 mod map;
 mod picture;
+mod portal;
 mod punctual;
 mod select;
 mod shared_exponent;
@@ -257,7 +258,7 @@ impl Lights {
         let index = index - self.moving.len();
         let sample = match self.punctual.get(index) {
             Some(light) => light.sample(from),
-            None => self.environment.as_ref()?.sample(u),
+            None => self.environment.as_ref()?.sample(from, u),
         };
         sample.map(|sample| Found::Light(LightSample { pdf: sample.pdf * probability, ..sample }))
     }

@@ -4,6 +4,7 @@ mod picture;
 mod surface;
 mod tree;
 
+use std::f32::consts::PI;
 use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Quat, Vec2, Vec3};
@@ -131,7 +132,7 @@ fn sphere_samples_lie_where_rays_hit() {
     }
 }
 
-fn sunny_map(layout: EnvironmentLayout) -> Environment {
+fn sunny_map(layout: EnvironmentLayout) -> desc::Environment {
     let mut rng = Rng::new(3);
     let (width, height) = match layout {
         EnvironmentLayout::LatLong => (16, 8),
@@ -154,42 +155,95 @@ fn sunny_map(layout: EnvironmentLayout) -> Environment {
         texels: Texels::Float(texels),
     };
     let to_world = Mat3::from_quat(Quat::from_euler(glam::EulerRot::XYZ, 0.7, -0.3, 1.9));
-    Environment::new(&desc::Environment { layout, image: Some(Arc::new(image)), scale: Vec3::ONE, to_world })
+    desc::Environment { layout, image: Some(Arc::new(image)), scale: Vec3::ONE, to_world, portal: None }
+}
+
+/// Seen from the origin, from -1 to 2 and -0.5 to 1.5 along its edges at 1.5 ahead.
+fn with_portal(environment: desc::Environment) -> desc::Environment {
+    let turn = Mat3::from_quat(Quat::from_euler(glam::EulerRot::XYZ, -0.4, 1.1, 0.6));
+    let edges = [turn * Vec3::new(3.0, 0.0, 0.0), turn * Vec3::new(0.0, 2.0, 0.0)];
+    let portal = desc::Portal { corner: turn * Vec3::new(-1.0, -0.5, 1.5), edges };
+    desc::Environment { portal: Some(portal), ..environment }
 }
 
 #[test]
 fn environments_are_sampled_with_their_density() {
+    let constant = desc::Environment {
+        layout: EnvironmentLayout::LatLong,
+        image: None,
+        scale: Vec3::ONE,
+        to_world: Mat3::IDENTITY,
+        portal: None,
+    };
     let environments = [
         ("lat-long map", sunny_map(EnvironmentLayout::LatLong)),
         ("equal-area map", sunny_map(EnvironmentLayout::EqualArea)),
+        ("constant behind a portal", with_portal(constant)),
+        ("map behind a portal", with_portal(sunny_map(EnvironmentLayout::LatLong))),
     ];
     let mut suite = Suite::new(environments.len());
     for (name, environment) in environments {
+        let environment = Environment::new(&environment);
         let p = chi_square_directions(
             11,
             SAMPLES,
-            |rng| environment.sample(rng.next_2d()).map(|sample| sample.direction),
-            |w| environment.radiance_pdf(w).1,
+            |rng| environment.sample(Vec3::ZERO, rng.next_2d()).map(|sample| sample.direction),
+            |w| environment.radiance_pdf(Vec3::ZERO, w).1,
         );
         suite.judge(p, name);
     }
 }
 
+/// Light through a portal is all that rays which go through its rectangle find, and nothing else: from before it, beside
+/// it and behind it.
+#[test]
+fn portals_let_in_what_lies_behind_them() {
+    let open = sunny_map(EnvironmentLayout::EqualArea);
+    let closed = with_portal(open.clone());
+    let desc::Portal { corner, edges } = closed.portal.expect("a portal");
+    let [open, closed] = [open, closed].map(|environment| Environment::new(&environment));
+    let ahead = edges[0].cross(edges[1]).normalize();
+    let through = |from: Vec3, direction: Vec3| {
+        let t = (corner - from).dot(ahead) / direction.dot(ahead);
+        let at = from + t * direction - corner;
+        let part = |edge: Vec3| (0.0..=1.0).contains(&(at.dot(edge) / edge.length_squared()));
+        direction.dot(ahead) > 0.0 && t > 0.0 && edges.into_iter().all(part)
+    };
+    let places = [Vec3::ZERO, corner - 0.2 * ahead - 2.0 * edges[0], corner + 0.5 * edges[0] - 9.0 * ahead];
+    let mut suite = Suite::new(places.len());
+    for from in places {
+        let (mut all, mut drawn) = (Mean::default(), Mean::default());
+        let mut rng = Rng::new(17);
+        for _ in 0..200_000 {
+            let w = rng.next_direction();
+            let radiance = if through(from, w) { open.radiance(from, w) } else { Vec3::ZERO };
+            assert_eq!(closed.radiance(from, w), radiance, "{from} {w}");
+            all.push(f64::from(luminance(radiance) * 4.0 * PI));
+            let sample = closed.sample(from, rng.next_2d());
+            drawn.push(sample.map_or(0.0, |sample| f64::from(luminance(sample.radiance) / sample.pdf)));
+        }
+        suite.judge(all.p_same(&drawn), format!("from {from}"));
+    }
+    assert!(closed.sample(corner + edges[0] + ahead, Vec2::splat(0.5)).is_none(), "behind it");
+}
+
 /// Where the map is brighter than on average it must be found, and the sample must say how bright.
 #[test]
 fn environment_density_covers_its_light() {
-    for layout in [EnvironmentLayout::LatLong, EnvironmentLayout::EqualArea] {
-        let environment = sunny_map(layout);
+    let maps = [EnvironmentLayout::LatLong, EnvironmentLayout::EqualArea].map(sunny_map);
+    let portal = with_portal(maps[1].clone());
+    for environment in maps.into_iter().chain([portal]) {
+        let (environment, from) = (Environment::new(&environment), Vec3::new(0.1, 0.2, -0.3));
         let mut rng = Rng::new(5);
         let directions: Vec<_> = (0..20_000).map(|_| rng.next_direction()).collect();
-        let bright = |w: Vec3| luminance(environment.radiance(w));
+        let bright = |w: Vec3| luminance(environment.radiance(from, w));
         let mean = directions.iter().map(|&w| bright(w)).sum::<f32>() / directions.len() as f32;
         for w in directions {
-            let pdf = environment.radiance_pdf(w).1;
+            let pdf = environment.radiance_pdf(from, w).1;
             // The mean is known to some percent, from a map that is dark but for two suns.
             assert!(pdf > 0.0 || bright(w) < 1.3 * mean, "{w}");
-            let Some(sample) = environment.sample(rng.next_2d()) else { continue };
-            let radiance = environment.radiance(sample.direction);
+            let Some(sample) = environment.sample(from, rng.next_2d()) else { continue };
+            let radiance = environment.radiance(from, sample.direction);
             // The direction went through a rotation and back: interpolation between a dark texel and the sun.
             assert!((sample.radiance - radiance).abs().max_element() <= 1e-3 * 40.0, "{radiance}");
         }
@@ -204,11 +258,17 @@ fn even_environments_are_not_asked() {
         let texels = Texels::Float(vec![grey; 16 * 16]);
         let image = Image { name: "grey".into(), width: 16, height: 16, texels };
         for image in [None, Some(Arc::new(image))] {
-            let sky = desc::Environment { layout, image, scale: Vec3::splat(0.9), to_world: Mat3::IDENTITY };
+            let sky = desc::Environment {
+                layout,
+                image,
+                scale: Vec3::splat(0.9),
+                to_world: Mat3::IDENTITY,
+                portal: None,
+            };
             let sky = Environment::new(&sky);
             assert_eq!(sky.mean_irradiance(), 0.0);
-            assert!(sky.sample(Vec2::splat(0.5)).is_none());
-            assert_eq!(sky.radiance_pdf(Vec3::X).1, 0.0);
+            assert!(sky.sample(Vec3::ZERO, Vec2::splat(0.5)).is_none());
+            assert_eq!(sky.radiance_pdf(Vec3::ZERO, Vec3::X).1, 0.0);
         }
     }
 }
@@ -224,8 +284,9 @@ fn environment_maps_are_laid_out_as_described() {
         image: Some(Arc::new(image)),
         scale: Vec3::ONE,
         to_world: Mat3::IDENTITY,
+        portal: None,
     });
-    let red = |x: f32, y: f32, z: f32| environment.radiance(Vec3::new(x, y, z).normalize()).x;
+    let red = |x: f32, y: f32, z: f32| environment.radiance(Vec3::ZERO, Vec3::new(x, y, z).normalize()).x;
     assert!((red(0.0, 1.0, -1e-4) - 3.5).abs() < 0.1, "the top row between its middle columns");
     assert!((red(0.0, 0.0, -1.0) - 15.5).abs() < 1e-3, "between columns 3 and 4, rows 1 and 2");
     assert!((red(1.0, 0.0, 0.0) - 17.5).abs() < 1e-3, "between columns 5 and 6");
@@ -245,10 +306,11 @@ fn equal_area_maps_are_laid_out_as_described() {
             image: Some(Arc::new(image)),
             scale: Vec3::ONE,
             to_world: Mat3::IDENTITY,
+            portal: None,
         })
     };
     let (columns, rows) = (map(&|x, _| x as f32), map(&|_, y| y as f32));
-    let place = |w: Vec3| [columns.radiance(w).x, rows.radiance(w).x];
+    let place = |w: Vec3| [columns.radiance(Vec3::ZERO, w).x, rows.radiance(Vec3::ZERO, w).x];
     let close = |w: Vec3, expected: [f32; 2]| {
         let found = place(w);
         assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3), "{w}: {found:?}");
@@ -270,7 +332,7 @@ fn equal_area_maps_are_laid_out_as_described() {
     for _ in 0..2000 {
         let w = (rng.next_direction() - Vec3::Z).normalize();
         let aside = (w + 1e-5 * rng.next_direction()).normalize();
-        let step = (noise.radiance(w).x - noise.radiance(aside).x).abs();
+        let step = (noise.radiance(Vec3::ZERO, w).x - noise.radiance(Vec3::ZERO, aside).x).abs();
         assert!(step < 1e-2, "{w} to {aside}: {step}");
     }
 }

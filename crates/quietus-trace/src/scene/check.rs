@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use super::SceneBuildError as Error;
 use crate::desc::{
     CurveKind, Curves, Density, Environment, EnvironmentLayout, Geometry, Glow, Grid, Image, Instance, Light,
-    Medium, MediumInterface, Mesh, PatchMesh, PictureSpread, Quadric, SceneDesc, Shape, Texels, Variation,
+    Medium, MediumInterface, Mesh, PatchMesh, PictureSpread, Portal, Quadric, SceneDesc, Shape, Texels,
+    Variation,
 };
 use crate::geometry::motion::Motion;
 
@@ -314,6 +315,14 @@ fn environment(environment: &Environment) -> Result<(), Error> {
     let off = rotation.transpose() * rotation - Mat3::IDENTITY;
     let sound = off.to_cols_array().iter().all(|entry| entry.abs() < 1e-3);
     value(&place, "transform", rotation, sound, "a rotation")?;
+    if let Some(Portal { corner, edges }) = environment.portal {
+        value(&place, "corner of the portal", corner, corner.is_finite(), "finite")?;
+        let [x, y] = edges.map(Vec3::length_squared);
+        // Rounding of coordinates far from the origin may turn an edge a little.
+        let right = edges[0].dot(edges[1]).abs() <= 1e-3 * (x * y).sqrt();
+        let sound = right && (x * y).is_normal();
+        value(&place, "edges of the portal", format!("{edges:?}"), sound, "perpendicular, of some length")?;
+    }
     let Some(image) = &environment.image else { return Ok(()) };
     let square = environment.layout != EnvironmentLayout::EqualArea || image.width == image.height;
     let size = || format!("{}x{}", image.width, image.height);

@@ -94,6 +94,7 @@ fn sky(width: u32, texels: Vec<[f32; 4]>) -> Environment {
         image: Some(Arc::new(image)),
         scale: Vec3::ONE,
         to_world: Mat3::IDENTITY,
+        portal: None,
     }
 }
 
@@ -154,6 +155,7 @@ fn environments_that_cannot_shine_are_refused() {
         image: None,
         scale: Vec3::ONE,
         to_world: Mat3::IDENTITY,
+        portal: None,
     };
     let spoilt = [
         (Environment { scale: Vec3::NEG_ONE, ..constant.clone() }, "environment: scale is"),

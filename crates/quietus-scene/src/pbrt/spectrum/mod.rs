@@ -103,6 +103,18 @@ impl Spectrum {
         }
     }
 
+    /// As the colour of a light, with the strength that its own values give it.
+    pub(super) fn radiance(&self) -> Vec3 {
+        match self {
+            Self::Rgb(..) | Self::Chromaticity(_) => self.light(),
+            Self::BlackBody(kelvin) => glow(f64::from(*kelvin)),
+            Self::Sampled(_) => {
+                let xyz = cie::xyz(|wavelength| f64::from(self.at(wavelength as f32)));
+                color_space::rgb_from_xyz(xyz / cie::xyz(|_| 1.0).y).as_vec3().max(Vec3::ZERO)
+            }
+        }
+    }
+
     /// As a factor of light: a reflectance or a coefficient, what white light shows of it.
     pub(super) fn factor(&self) -> Vec3 {
         match self {

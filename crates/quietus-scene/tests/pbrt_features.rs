@@ -158,6 +158,24 @@ fn power_counts_the_picture_of_a_light() {
 }
 
 #[test]
+fn glass_splits_colours_by_its_spectrum() {
+    let index = |eta: &str| match material(&format!("Material \"dielectric\" {eta}")).surface {
+        Surface::Glass(glass) => glass.ior,
+        Surface::Dielectric { ior, .. } => Vec3::splat(ior),
+        other => panic!("{other:?}"),
+    };
+    // The more of blue, the more it bends; between its indices at 700 and 400 nm (Schott's table of N-BK7).
+    let bk7 = index("\"spectrum eta\" \"glass-BK7\"");
+    assert!(1.5131 < bk7.x && bk7.x < bk7.y && bk7.y < bk7.z && bk7.z < 1.5308, "{bk7}");
+    assert_eq!(index("\"spectrum eta\" [200 1.25 900 1.25]"), Vec3::splat(1.25));
+    assert_eq!(index("\"rgb eta\" [1.25 1.5 1.75]"), Vec3::new(1.25, 1.5, 1.75));
+    assert_eq!(index("\"float eta\" 1.25"), Vec3::splat(1.25));
+    // Linear from 400 to 700 nm: about 1.7, 1.53 and 1.2 where red, green and blue are seen.
+    let ramp = index("\"spectrum eta\" [400 1 700 2]");
+    assert!(ramp.abs_diff_eq(Vec3::new(1.68, 1.5, 1.18), 0.06), "{ramp}");
+}
+
+#[test]
 fn what_transforms_flatten_is_left_out() {
     let flat = "ConcatTransform [-0 -0 0 0 0 1 0 0 -1e-16 0 -1 0 7 8 9 1]";
     let Loaded { scene, warnings } = read(&format!(
@@ -732,7 +750,7 @@ fn media_of_nanovdb_lie_where_their_file_says() {
     let error = medium("two-segments.nvdb", "\"rgb Le\" [1 1 1]").expect_err("Le is not for these");
     assert!(error.message().contains("\"Le\""), "{error}");
     for (name, words) in
-        [("blosc.nvdb", "BLOSC"), ("vectors.nvdb", "32-bit floats"), ("no.nvdb", "no such file")]
+        [("blosc.nvdb", "cannot be unpacked"), ("vectors.nvdb", "32-bit floats"), ("no.nvdb", "no such file")]
     {
         let error = medium(name, "").expect_err(name);
         assert!(error.to_string().contains(words) && error.to_string().contains(name), "{error}");

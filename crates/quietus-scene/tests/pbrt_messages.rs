@@ -283,7 +283,12 @@ const WARNINGS: &[(&str, &str, &str)] = &[
         "2:1",
         "did you mean \"Ketchup\"?",
     ),
-    ("Material \"dielectric\" \"spectrum eta\" \"glass-F5\"", "2:23", "does not split colours"),
+    (
+        "Texture \"a\" \"float\" \"fbm\" Material \"hair\" \"texture alpha\" \"a\"",
+        "2:40",
+        "\"texture alpha\" of material \"hair\" is not drawn; 2 stands in",
+    ),
+    ("Material \"subsurface\" \"string name\" \"Skin1\" \"float g\" .5", "2:44", "\"g\" does not count"),
     ("Shape \"sphere\" \"float radius\" 1 \"float radius\" 2", "2:33", "given twice"),
     ("WorldEnd", "2:1", "not part of pbrt-v4"),
     ("Material \"interface\" AreaLightSource \"diffuse\" Shape \"sphere\"", "2:48", "do not shine"),

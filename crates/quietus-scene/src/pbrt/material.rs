@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use quietus_trace::desc::{
-    self, Coat, ColorParam, Hair, HairColor, MaterialId, Metal, Roughness, RoughnessScale, ScalarParam,
-    Surface, TextureId,
+    self, Coat, ColorParam, Glass, Hair, HairColor, MaterialId, Metal, Roughness, RoughnessScale,
+    ScalarParam, Surface, TextureId, ThinFilm,
 };
 
 use super::draft::{Alpha, AreaLight, Draft, MaterialRef};
@@ -245,11 +245,7 @@ impl<'a, 'c> Materials<'a, 'c> {
                     ["interface.roughness", "interface.uroughness", "interface.vroughness"],
                 )?,
             }),
-            "dielectric" => Ok(Surface::Dielectric {
-                ior: self.ior(params, "eta", 1.5)?,
-                roughness: self.roughness(params, ["roughness", "uroughness", "vroughness"])?,
-                tint: ColorParam::constant(Vec3::ONE),
-            }),
+            "dielectric" => self.dielectric(params),
             "thindielectric" => Ok(Surface::ThinDielectric { ior: self.ior(params, "eta", 1.5)? }),
             "diffusetransmission" => self.diffuse_transmission(params),
             "hair" => self.hair(params),
@@ -260,7 +256,27 @@ impl<'a, 'c> Materials<'a, 'c> {
         }
     }
 
-    /// One index of refraction, for all wavelengths.
+    fn dielectric(&self, params: &Params) -> Result<Surface> {
+        let ior = self.ior(params, "eta", 1.5)?;
+        let roughness = self.roughness(params, ["roughness", "uroughness", "vroughness"])?;
+        let tint = ColorParam::constant(Vec3::ONE);
+        let spectrum = match params.find("eta", &[Kind::Float, Kind::Spectrum, Kind::Rgb])? {
+            Some(param) if param.kind != Kind::Float => Spectrum::read(param, self.context)?,
+            _ => return Ok(Surface::Dielectric { ior, roughness, tint }),
+        };
+        if spectrum.is_flat() {
+            return Ok(Surface::Dielectric { ior, roughness, tint });
+        }
+        let ior = spectrum.index();
+        if ior.min_element() > 0.0 {
+            return Ok(Surface::Glass(Box::new(Glass { ior, roughness, tint, film: ThinFilm::NONE })));
+        }
+        let message =
+            format!("\"eta\" of {} is {ior} for red, green and blue, expected above 0", params.owner);
+        Err(Fault::invalid(params.place_of("eta"), message))
+    }
+
+    /// One index of refraction, for all wavelengths: of a spectrum its mean, where light is not split visibly.
     pub(super) fn ior(&self, params: &Params, name: &'static str, default: f32) -> Result<f32> {
         let Some(param) = params.find(name, &[Kind::Float, Kind::Spectrum, Kind::Rgb])? else {
             return Ok(default);
@@ -268,12 +284,7 @@ impl<'a, 'c> Materials<'a, 'c> {
         let ior = if param.kind == Kind::Float {
             params.float(name, default)?
         } else {
-            let spectrum = Spectrum::read(param, self.context)?;
-            if !spectrum.is_flat() {
-                let message = "glass does not split colours: its mean index of refraction is used";
-                self.context.warn(param.place, message);
-            }
-            spectrum.mean()
+            Spectrum::read(param, self.context)?.mean()
         };
         if ior > 0.0 {
             return Ok(ior);
@@ -369,11 +380,22 @@ impl<'a, 'c> Materials<'a, 'c> {
         };
         Ok(Surface::Hair(Box::new(Hair {
             color,
-            ior: self.ior(params, "eta", 1.55)?,
+            ior: self.even(params, "eta", 1.55)?,
             beta_m: textures.number(params, "beta_m", 0.3)?,
             beta_n: textures.number(params, "beta_n", 0.3)?,
-            alpha: params.float("alpha", 2.0)?.to_radians(),
+            alpha: self.even(params, "alpha", 2.0)?.to_radians(),
         })))
+    }
+
+    /// A number that is the same all over a surface.
+    fn even(&self, params: &Params, name: &'static str, default: f32) -> Result<f32> {
+        let number = self.textures.number(params, name, default)?;
+        if number.texture.is_none() {
+            return Ok(number.factor);
+        }
+        let message = format!("\"texture {name}\" of {} is not drawn; {default} stands in", params.owner);
+        self.context.warn(params.place_of(name), message);
+        Ok(default)
     }
 
     fn measured(&mut self, params: &Params) -> Result<Surface> {

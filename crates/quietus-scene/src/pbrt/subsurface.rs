@@ -16,7 +16,13 @@ impl Materials<'_, '_> {
     pub(super) fn subsurface(&self, params: &Params) -> Result<Surface> {
         let ior = self.ior(params, "eta", 1.33)?;
         let roughness = self.roughness(params, ["roughness", "uroughness", "vroughness"])?;
-        let g = params.float_where("g", 0.0, |g| g.abs() < 1.0, "between -1 and 1")?;
+        let mut g = params.float_where("g", 0.0, |g| g.abs() < 1.0, "between -1 and 1")?;
+        if g != 0.0 && params.has("name") {
+            let message =
+                "\"g\" does not count beside \"name\", whose scattering is that of an even phase function";
+            self.context.warn(params.place_of("g"), message);
+            g = 0.0;
+        }
         let scale = params.float_where("scale", 1.0, |scale| scale > 0.0, "above 0")?;
         let interior = self.interior(params, scale)?;
         Ok(Surface::Subsurface(Box::new(Subsurface { ior, roughness, interior, g })))

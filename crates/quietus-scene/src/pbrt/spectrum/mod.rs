@@ -135,14 +135,30 @@ impl Spectrum {
         }
     }
 
+    /// As an index of refraction of each channel: its mean over the wavelengths which that channel shows.
+    pub(super) fn index(&self) -> Vec3 {
+        if let Self::Rgb(_, rgb) = self {
+            return *rgb;
+        }
+        let wavelengths: Vec<f32> = (0..=30).map(|i| 400.0 + 10.0 * i as f32).collect();
+        let shares = channels_of_wavelengths(&wavelengths);
+        let (mut sum, mut all) = (Vec3::ZERO, Vec3::ZERO);
+        for (wavelength, share) in wavelengths.into_iter().zip(shares) {
+            // What a channel lacks of other colours is no place where it is seen.
+            let share = share.max(Vec3::ZERO);
+            sum += share * self.at(wavelength);
+            all += share;
+        }
+        sum / all
+    }
+
     /// Whether it has the same value at all wavelengths that are seen.
     pub(super) fn is_flat(&self) -> bool {
         match self {
             Self::Rgb(_, rgb) => rgb.x == rgb.y && rgb.y == rgb.z,
-            Self::Sampled(samples) => {
-                let mut values = samples.iter().filter(|(w, _)| (400.0..700.0).contains(w)).map(|(_, v)| v);
-                let first = values.next();
-                values.all(|value| Some(value) == first)
+            Self::Sampled(_) => {
+                let first = self.at(400.0);
+                (0..=60).all(|i| self.at(400.0 + 5.0 * i as f32) == first)
             }
             _ => false,
         }

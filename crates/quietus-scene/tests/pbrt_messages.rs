@@ -285,10 +285,10 @@ const WARNINGS: &[(&str, &str, &str)] = &[
     ),
     (
         "Texture \"a\" \"float\" \"fbm\" Material \"hair\" \"texture alpha\" \"a\"",
-        "2:40",
+        "2:43",
         "\"texture alpha\" of material \"hair\" is not drawn; 2 stands in",
     ),
-    ("Material \"subsurface\" \"string name\" \"Skin1\" \"float g\" .5", "2:44", "\"g\" does not count"),
+    ("Material \"subsurface\" \"string name\" \"Skin1\" \"float g\" .5", "2:45", "\"g\" does not count"),
     ("Shape \"sphere\" \"float radius\" 1 \"float radius\" 2", "2:33", "given twice"),
     ("WorldEnd", "2:1", "not part of pbrt-v4"),
     ("Material \"interface\" AreaLightSource \"diffuse\" Shape \"sphere\"", "2:48", "do not shine"),

@@ -456,7 +456,9 @@ fn spread(pdf: f32) -> f32 {
 /// exponent 2), in the form that neither overflows nor divides 0 by 0.
 #[inline(always)]
 pub(crate) fn power_heuristic(own: f32, other: f32) -> f32 {
-    let ratio = other / own;
+    // A path that has come far through a thick medium may have a density that is too small for its format, and where the sky
+    // is dark no other strategy looks.
+    let ratio = other / own.max(f32::MIN_POSITIVE);
     1.0 / (1.0 + ratio * ratio)
 }
 

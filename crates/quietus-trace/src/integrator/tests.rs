@@ -25,6 +25,15 @@ use crate::testing::{Mean, Rng, Suite};
 use crate::tile::{PixelWork, Sample, SampleSink, render_tile};
 use crate::view::View;
 
+#[test]
+fn weights_are_numbers_whatever_underflows() {
+    for (own, other, expected) in
+        [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1e-30, 0.0, 1.0), (3e38, 3e38, 0.5), (1e-45, 3e38, 0.0)]
+    {
+        assert_eq!(super::power_heuristic(own, other), expected, "{own} {other}");
+    }
+}
+
 /// A scene under construction.
 #[derive(Default)]
 struct Builder(desc::SceneDesc);

@@ -143,8 +143,8 @@ pub(crate) struct RenderArgs {
     pub variant: Option<String>,
 
     /// Light the scene with this lat-long map (.hdr, .exr) instead of its own surroundings, or by `even`, a sky that is
-    /// the same on all sides.
-    #[arg(long, value_name = "FILE|even")]
+    /// the same on all sides, or by `none`: its lamps alone.
+    #[arg(long, value_name = "FILE|even|none")]
     pub env: Option<PathBuf>,
 
     /// Draw frame N of an animation: the moment N / FPS seconds after its beginning.

@@ -19,9 +19,19 @@ pub(crate) struct Source {
     file: Option<SceneFile>,
     /// Which animation frames are of; there is one where there are frames.
     animation: Option<usize>,
-    environment: Option<Environment>,
+    environment: Surroundings,
     /// Warnings that were said.
     said: HashSet<String>,
+}
+
+/// What is around the scene.
+enum Surroundings {
+    /// What the file says, or what is made up for it.
+    Own,
+    /// Nothing.
+    None,
+    /// This.
+    Other(Environment),
 }
 
 impl Source {
@@ -48,8 +58,10 @@ impl Source {
             (Some(timeline), Some(file)) => Some(Self::animation(args, timeline, file)?),
         };
         let environment = match args.env.as_deref() {
-            Some(word) if word == Path::new("even") => Some(quietus_scene::even_sky()),
-            path => path.map(quietus_scene::load_environment).transpose()?,
+            None => Surroundings::Own,
+            Some(word) if word == Path::new("none") => Surroundings::None,
+            Some(word) if word == Path::new("even") => Surroundings::Other(quietus_scene::even_sky()),
+            Some(path) => Surroundings::Other(quietus_scene::load_environment(path)?),
         };
         Ok(Self { name: scene_name(args), file, animation, environment, said: HashSet::new() })
     }
@@ -86,8 +98,10 @@ impl Source {
             (Some(file), Some(animation), Some(shutter)) => file.animated(animation, shutter)?,
             (Some(file), ..) => file.still()?,
         };
-        if let Some(environment) = &self.environment {
-            loaded.surround(environment.clone());
+        match &self.environment {
+            Surroundings::Own => {}
+            Surroundings::None => loaded.uncover(),
+            Surroundings::Other(environment) => loaded.surround(environment.clone()),
         }
         for warning in &loaded.warnings {
             if self.said.insert(warning.to_string()) {

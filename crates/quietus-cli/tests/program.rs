@@ -221,8 +221,7 @@ fn an_environment_takes_the_place_of_the_sky_made_up_for_dark_scenes() {
     std::fs::write(dir.path().join("dark.gltf"), triangle).unwrap();
     assert!(quietus(dir.path(), "render -o sky.exr --size 8x8 --spp 1").status.success());
     let camera = "warning: dark.gltf: cameras: the scene has no camera: one that frames it is added\n";
-    let sky =
-        "warning: dark.gltf: the scene has neither lights nor emitters: a plain sky is added to light it\n";
+    let sky = "warning: dark.gltf: the scene has neither lights nor emitters brighter than white: a plain sky is added to light it\n";
     let said = |flags: &str| {
         let output = quietus(dir.path(), &format!("render dark.gltf -o a.png --size 8x8 --spp 1 {flags}"));
         assert!(output.status.success(), "{}", stderr(&output));

@@ -55,6 +55,13 @@ impl Loaded {
         self.warnings.retain(|warning| warning.message != gltf::PLAIN_SKY);
     }
 
+    /// Takes the scene's surroundings away: what is not lit by lamps of its own is dark. The warning of a sky that was made up
+    /// for want of lights goes with it.
+    pub fn uncover(&mut self) {
+        self.scene.environment = None;
+        self.warnings.retain(|warning| warning.message != gltf::PLAIN_SKY);
+    }
+
     /// Where the reader made up a sky for want of lights, makes it the same on all sides, with the same mean.
     pub fn even_out_sky(&mut self) {
         if self.warnings.iter().any(|warning| warning.message == gltf::PLAIN_SKY) {
@@ -72,8 +79,8 @@ pub fn even_sky() -> Environment {
 /// glTF 2.0 (`.gltf` or `.glb`, told apart by content) in the pose in which it is stored: [`SceneFile`] gives moments
 /// of its animations.
 ///
-/// A glTF scene without camera gets one that frames it, and one with neither lights nor emitters gets a plain sky, brighter
-/// above than below; both are said in the warnings.
+/// A glTF scene without camera gets one that frames it, and one with neither lights nor emitters brighter than white gets a plain
+/// sky, brighter above than below; both are said in the warnings.
 ///
 /// # Errors
 /// Where a file is missing, cannot be read, is malformed or contradictory, or requires what is not supported.

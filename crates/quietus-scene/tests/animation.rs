@@ -352,8 +352,8 @@ fn faults_are_named() {
         assert!(error.contains(expected), "{error}");
     };
     refuse(
-        |d| animate(d, (1, "scale"), "LINEAR", &[0., 0.], &[0.; 6]),
-        "animations[1].samplers[0].input: time 1 is 0 after 0",
+        |d| animate(d, (1, "scale"), "LINEAR", &[1., 0.5], &[0.; 6]),
+        "animations[1].samplers[0].input: time 1 is 0.5 after 1",
     );
     refuse(|d| animate(d, (1, "scale"), "LINEAR", &[-1.], &[0.; 3]), "starts at -1");
     refuse(

@@ -117,7 +117,7 @@ fn strips_and_fans() {
 fn points_and_lines_are_left_out() {
     let mut document = triangle();
     document["meshes"][0]["primitives"][0]["mode"] = json!(1);
-    warns(&document, "meshes[0].primitives[0]: points and lines");
+    warns(&document, "meshes: points and lines");
 }
 
 #[test]
@@ -191,6 +191,50 @@ fn normals_without_direction_are_replaced() {
     document["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(normal);
     assert_eq!(mesh(&read_ok(&document).scene).normals, [Vec3::Z, Vec3::Z, Vec3::Y]);
     warns(&document, "attributes.NORMAL: 1 normals");
+}
+
+#[test]
+fn directions_that_are_no_numbers_are_replaced() {
+    let mut document = triangle();
+    let normals = floats(&[f32::NAN, 0., 0., 0., 0., 1., 0., f32::INFINITY, 0.]);
+    let index =
+        add_accessor(&mut document, &normals, json!({"componentType": 5126, "count": 3, "type": "VEC3"}));
+    document["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(index);
+    assert_eq!(mesh(&read_ok(&document).scene).normals, [Vec3::Z; 3]);
+    warns(&document, "meshes[0].primitives[0].attributes.NORMAL: 2 elements");
+}
+
+#[test]
+fn what_is_not_visible_is_left_out_with_all_below() {
+    let mut document = triangle();
+    document["extensionsUsed"] = json!(["KHR_node_visibility", "KHR_lights_punctual"]);
+    document["extensionsRequired"] = json!(["KHR_node_visibility"]);
+    document["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point"}]}});
+    document["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]);
+    let hidden = json!({"KHR_node_visibility": {"visible": false}});
+    document["nodes"] = json!([
+        {"mesh": 0},
+        {"extensions": hidden, "children": [2]},
+        {"mesh": 0, "camera": 0, "extensions": {
+            "KHR_lights_punctual": {"light": 0}, "KHR_node_visibility": {"visible": true}}}
+    ]);
+    document["scenes"][0]["nodes"] = json!([0, 1]);
+    let scene = read_ok(&document).scene;
+    assert_eq!((scene.instances.len(), scene.lights.len(), scene.cameras.len()), (1, 0, 1));
+    document["nodes"][1]["extensions"] = json!({});
+    let scene = read_ok(&document).scene;
+    assert_eq!((scene.instances.len(), scene.lights.len(), scene.cameras.len()), (2, 1, 1));
+}
+
+#[test]
+fn what_glows_no_brighter_than_white_lights_no_scene() {
+    let mut document = triangle();
+    document["materials"] = json!([{"emissiveFactor": [1, 1, 1]}]);
+    document["meshes"][0]["primitives"][0]["material"] = json!(0);
+    assert!(read_ok(&document).scene.environment.is_some());
+    let strength = json!({"KHR_materials_emissive_strength": {"emissiveStrength": 2}});
+    document["materials"][0]["extensions"] = strength;
+    assert!(read_ok(&document).scene.environment.is_none());
 }
 
 #[test]
@@ -417,10 +461,13 @@ fn pictures_from_buffer_views_of_a_binary_file() {
 #[test]
 fn optional_extensions_are_named_once() {
     let mut document = triangle();
-    document["extensionsUsed"] = json!(["KHR_animation_pointer", "KHR_materials_ior", "EXT_other"]);
+    document["extensionsUsed"] =
+        json!(["KHR_animation_pointer", "KHR_materials_ior", "EXT_other", "KHR_xmp_json_ld"]);
     let warnings = read_ok(&document).warnings;
     let named: Vec<_> = warnings.iter().filter(|warning| warning.place == "extensionsUsed").collect();
     assert_eq!(named.len(), 2, "{named:?}");
+    document["extensionsRequired"] = json!(["KHR_xmp_json_ld"]);
+    read_ok(&document);
     document["extensionsRequired"] = json!(["KHR_animation_pointer"]);
     let error = read(&document).expect_err("an extension that is not supported");
     assert!(error.message().contains("KHR_animation_pointer"), "{error}");

@@ -121,6 +121,24 @@ impl Document<'_> {
         kinds: &[&str],
         fill: [f32; N],
     ) -> Result<Vec<[f32; N]>, SceneError> {
+        let elements = self.read_any_floats(index, place, kinds, fill)?;
+        match elements.iter().position(|element| element.iter().any(|value| !value.is_finite())) {
+            None => Ok(elements),
+            Some(at) => {
+                let message = format!("element {at} is {:?}, expected finite numbers", elements[at]);
+                Err(self.invalid(&format!("accessors[{index}] (for {place})"), message))
+            }
+        }
+    }
+
+    /// As [`Self::read_floats`], for what can be mended: infinities and what is no number are among them.
+    pub(super) fn read_any_floats<const N: usize>(
+        &self,
+        index: usize,
+        place: &str,
+        kinds: &[&str],
+        fill: [f32; N],
+    ) -> Result<Vec<[f32; N]>, SceneError> {
         let (accessor, component) = self.accessor(index, place)?;
         if !kinds.contains(&accessor.kind.as_str()) {
             let wanted = kinds.join(" or ");
@@ -137,14 +155,7 @@ impl Document<'_> {
         };
         let mut zero = fill;
         zero[..arity].fill(0.0);
-        let elements = self.read(index, accessor, component.size() * arity, zero, decode)?;
-        match elements.iter().position(|element| element.iter().any(|value| !value.is_finite())) {
-            None => Ok(elements),
-            Some(at) => {
-                let message = format!("element {at} is {:?}, expected finite numbers", elements[at]);
-                Err(self.invalid(&format!("accessors[{index}] (for {place})"), message))
-            }
-        }
+        self.read(index, accessor, component.size() * arity, zero, decode)
     }
 
     /// Reads accessor `index`, referred to from `place`, as scalar unsigned integers.

@@ -177,7 +177,8 @@ fn keys(
     Ok(Keys::new(times, values, width, interpolation))
 }
 
-/// Increasing times, at least one.
+/// Times that do not decrease, at least one. That they increase is what the specification asks; where two keys fall on the
+/// same time, as rounding in exporters makes them do, the value jumps there.
 fn times(document: &Document<'_>, index: usize, place: &str) -> Result<Vec<f32>, SceneError> {
     let times = document.read_floats(index, place, &["SCALAR"], [0.0])?.into_flattened();
     if times.is_empty() {
@@ -186,7 +187,7 @@ fn times(document: &Document<'_>, index: usize, place: &str) -> Result<Vec<f32>,
     if times[0] < 0.0 {
         return Err(document.invalid(place, format!("starts at {}, expected a time of at least 0", times[0])));
     }
-    if let Some(at) = times.windows(2).position(|pair| pair[1] <= pair[0]) {
+    if let Some(at) = times.windows(2).position(|pair| pair[1] < pair[0]) {
         let (time, before) = (times[at + 1], times[at]);
         let message = format!("time {} is {time} after {before}, expected increasing times", at + 1);
         return Err(document.invalid(place, message));

@@ -9,6 +9,7 @@ use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
 use super::container;
+use super::extensions;
 use super::glossiness;
 use super::meshopt::{self, Filter, Mode};
 use super::schema::{BufferView, Meshopt, Root};
@@ -23,6 +24,9 @@ pub(super) const MAX_GEOMETRY_BYTES: u64 = limit(1 << 34);
 
 /// Most memory that the buffers of one scene may take: a small file can name the same large one many times.
 const MAX_BUFFER_BYTES: u64 = limit(1 << 34);
+
+/// Ending of the names of the extension that compresses buffer views, which is both EXT and KHR.
+const MESHOPT: &str = "_meshopt_compression";
 
 /// A glTF file and what belongs to it.
 pub(super) struct Document<'a> {
@@ -55,7 +59,7 @@ impl<'a> Document<'a> {
         };
         document.decompressed.resize_with(document.root.buffer_views.len(), OnceCell::new);
         document.check_version()?;
-        document.check_extensions()?;
+        extensions::check(&document)?;
         document.tell_variants(variant);
         let mut total = 0;
         for index in 0..document.root.buffers.len() {
@@ -135,8 +139,9 @@ impl<'a> Document<'a> {
         let bytes = match kept.get() {
             Some(bytes) => bytes,
             None => {
-                let bytes =
-                    self.decompress(view, source, &format!("{own}.extensions.EXT_meshopt_compression"))?;
+                let names = self.root.extensions_used.iter().find(|name| name.ends_with(MESHOPT));
+                let name = names.map_or("EXT_meshopt_compression", String::as_str);
+                let bytes = self.decompress(view, source, &format!("{own}.extensions.{name}"))?;
                 kept.get_or_init(|| bytes)
             }
         };
@@ -225,7 +230,7 @@ impl<'a> Document<'a> {
     fn buffer(&self, index: usize, bin: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>, SceneError> {
         let buffer = &self.root.buffers[index];
         let place = format!("buffers[{index}]");
-        let required = |name: &String| name == "EXT_meshopt_compression";
+        let required = |name: &String| name.ends_with(MESHOPT);
         let placeholder = buffer.extensions.meshopt.fallback
             || buffer.uri.is_none() && index > 0 && self.root.extensions_required.iter().any(required);
         if placeholder {
@@ -280,48 +285,4 @@ impl<'a> Document<'a> {
             self.warn("extensions.KHR_materials_variants", message);
         }
     }
-
-    fn check_extensions(&self) -> Result<(), SceneError> {
-        let foreign = |name: &&String| !SUPPORTED_EXTENSIONS.contains(&name.as_str());
-        let required: Vec<_> =
-            self.root.extensions_required.iter().filter(foreign).map(String::as_str).collect();
-        if !required.is_empty() {
-            let message = format!(
-                "the file requires {}; supported are {}",
-                required.join(", "),
-                SUPPORTED_EXTENSIONS.join(", ")
-            );
-            return Err(self.error(ErrorKind::Unsupported, "extensionsRequired", message));
-        }
-        for name in self.root.extensions_used.iter().filter(foreign) {
-            self.warn("extensionsUsed", format!("{name} is not supported; the file is drawn without it"));
-        }
-        Ok(())
-    }
 }
-
-/// What a file may require.
-const SUPPORTED_EXTENSIONS: [&str; 22] = [
-    "EXT_mesh_gpu_instancing",
-    "EXT_meshopt_compression",
-    "EXT_texture_webp",
-    "KHR_draco_mesh_compression",
-    "KHR_lights_punctual",
-    "KHR_materials_anisotropy",
-    "KHR_materials_clearcoat",
-    "KHR_materials_diffuse_transmission",
-    "KHR_materials_dispersion",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",
-    "KHR_materials_iridescence",
-    "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_sheen",
-    "KHR_materials_specular",
-    "KHR_materials_transmission",
-    "KHR_materials_unlit",
-    "KHR_materials_variants",
-    "KHR_materials_volume",
-    "KHR_mesh_quantization",
-    "KHR_texture_basisu",
-    "KHR_texture_transform",
-];

@@ -81,7 +81,8 @@ impl Reader<'_, '_> {
         let document = self.document;
         let node = &document.root.nodes[index];
         let own = format!("nodes[{index}]");
-        if let Some(mesh) = node.mesh {
+        let visible = self.hierarchy.is_visible(slot);
+        if let Some(mesh) = node.mesh.filter(|_| visible) {
             self.read_model(slot, node, mesh, &own)?;
         }
         if let Some(index) = node.camera {
@@ -90,7 +91,7 @@ impl Reader<'_, '_> {
             let name = self.camera_name([&source.name, &node.name, &format!("cameras[{index}]")]);
             self.cameras.push((slot, Camera { name, ..camera }));
         }
-        if let Some(source) = &node.extensions.light {
+        if let Some(source) = node.extensions.light.as_ref().filter(|_| visible) {
             self.lights.push((slot, light(document, source.light, &own)?));
         }
         Ok(())

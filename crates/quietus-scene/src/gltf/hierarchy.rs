@@ -35,6 +35,8 @@ struct Placed {
     parent: Option<usize>,
     /// In the rest pose.
     local: Local,
+    /// Whether what it holds, cameras aside, is to be seen (KHR_node_visibility).
+    visible: bool,
 }
 
 /// Nodes of the scene, parents before children. A node's place among them is its slot.
@@ -60,7 +62,9 @@ impl Hierarchy {
             }
             let own = format!("nodes[{index}]");
             let local = local(document, node, &own)?;
-            hierarchy.nodes.push(Placed { index, parent, local });
+            let shown = parent.is_none_or(|parent: usize| hierarchy.nodes[parent].visible);
+            let visible = shown && node.extensions.visibility.visible;
+            hierarchy.nodes.push(Placed { index, parent, local, visible });
             for (i, &child) in node.children.iter().enumerate().rev() {
                 waiting.push((child, Some(slot), format!("{own}.children[{i}]")));
             }
@@ -81,6 +85,11 @@ impl Hierarchy {
     /// Slot of node `index` of the file, if it is part of the scene.
     pub(super) fn slot(&self, index: usize) -> Option<usize> {
         self.slots.get(&index).copied()
+    }
+
+    /// Whether what the node in `slot` holds, cameras aside, is to be seen.
+    pub(super) fn is_visible(&self, slot: usize) -> bool {
+        self.nodes[slot].visible
     }
 
     /// Whether animations may move the node in `slot`.

@@ -34,7 +34,7 @@ pub(super) struct Keys {
 }
 
 impl Keys {
-    /// Keys at `times`, which are finite and increasing and at least one, with elements of `width` numbers one after
+    /// Keys at `times`, which are finite, do not decrease, and are at least one, with elements of `width` numbers one after
     /// the other in `values`: per key, and as many as the interpolation wants.
     pub(super) fn new(times: Vec<f32>, values: Vec<f32>, width: usize, interpolation: Interpolation) -> Self {
         debug_assert_eq!(values.len(), times.len() * interpolation.elements() * width);
@@ -156,6 +156,14 @@ mod tests {
             (9.0, [3.0, 30.0], [3.0, 30.0]),
         ] {
             assert_eq!((step.at(time), line.at(time)), (stepped.to_vec(), straight.to_vec()), "at {time}");
+        }
+    }
+
+    #[test]
+    fn keys_at_the_same_time_jump() {
+        for interpolation in [Interpolation::Step, Interpolation::Linear] {
+            let keys = Keys::new(vec![0.0, 1.0, 1.0, 2.0], vec![4.0, 4.0, 7.0, 7.0], 1, interpolation);
+            assert_eq!([0.5, 1.0, 1.5].map(|time| keys.at(time)[0]), [4.0, 7.0, 7.0]);
         }
     }
 

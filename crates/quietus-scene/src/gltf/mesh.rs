@@ -172,7 +172,7 @@ fn read_primitive(
         5 => Topology::Strip,
         6 => Topology::Fan,
         0..=3 => {
-            document.warn(place, "points and lines are not supported: the primitive is left out");
+            document.warn("meshes", "points and lines are not drawn: primitives made of them are left out");
             return Ok(None);
         }
         mode => return Err(document.invalid(&format!("{place}.mode"), format!("is {mode}, expected 0 to 6"))),
@@ -264,9 +264,25 @@ impl Attributes<'_, '_> {
             self.compressed.map(|mesh| mesh.read(self.document, name, index, fill)).transpose()?;
         let elements = match compressed.flatten() {
             Some(elements) => elements,
-            None => self.document.read_floats(index, &place, kinds, fill)?,
+            None if name == "POSITION" => self.document.read_floats(index, &place, kinds, fill)?,
+            None => {
+                let mut elements = self.document.read_any_floats(index, &place, kinds, fill)?;
+                self.mend(&mut elements, &place);
+                elements
+            }
         };
         Ok(elements.into_iter().map(convert).collect())
+    }
+
+    /// Sets to 0 what is infinite or no number, as exporters write it where a triangle has no area: a direction of length 0
+    /// is then taken for missing, and elsewhere one vertex does not cost the file.
+    fn mend<const N: usize>(&self, elements: &mut [[f32; N]], place: &str) {
+        let broken = elements.iter_mut().filter(|element| element.iter().any(|value| !value.is_finite()));
+        let count = broken.map(|element| *element = [0.0; N]).count();
+        if count > 0 {
+            let message = format!("{count} elements are infinite or no numbers: 0 is taken there");
+            self.document.warn(place, message);
+        }
     }
 }
 

@@ -15,6 +15,7 @@ mod container;
 mod deform;
 mod document;
 mod draco;
+mod extensions;
 mod glossiness;
 mod graph;
 mod hierarchy;
@@ -31,17 +32,17 @@ mod variants;
 
 use std::path::Path;
 
-use quietus_trace::desc::{Camera, SceneDesc};
+use quietus_trace::desc::{Camera, SceneDesc, Shape};
 
 use crate::error::SceneError;
 use crate::framing::Framing;
-use crate::{Loaded, file, summary};
+use crate::{Loaded, file};
 use document::Document;
 pub(crate) use stage::{Moment, Stage};
 
 /// What is said of that sky.
 pub(crate) const PLAIN_SKY: &str =
-    "the scene has neither lights nor emitters: a plain sky is added to light it";
+    "the scene has neither lights nor emitters brighter than white: a plain sky is added to light it";
 
 /// Moments of an animation, evenly spread, that a camera made up for it looks at: eight per second of a clip of four
 /// seconds, and between two of a fast one little can happen that the margin does not cover.
@@ -71,17 +72,20 @@ pub(crate) fn shoot(
         warnings.say("cameras", "the scene has no camera: one that frames it is added");
         scene.cameras.push(frame()?);
     }
-    if scene.lights.is_empty() && !has_emitters(&scene) {
+    if scene.lights.is_empty() && !has_lamps(&scene) {
         warnings.say("", PLAIN_SKY);
         scene.environment = Some(sky::soft());
     }
     Ok(Loaded { scene, warnings: warnings.into_list() })
 }
 
-fn has_emitters(scene: &SceneDesc) -> bool {
+/// Whether something in the scene is brighter than white, and so there to light the rest. What glows less, the lights of
+/// instruments and the panels of screens (`emissiveFactor` ends at 1), is there to be seen.
+fn has_lamps(scene: &SceneDesc) -> bool {
     let placed =
         scene.instances.iter().flat_map(|instance| &scene.objects[instance.object.0 as usize].shapes);
-    placed.into_iter().any(|shape| summary::emits(&scene.materials[shape.material.0 as usize]))
+    let brightest = |shape: &Shape| scene.materials[shape.material.0 as usize].emission.factor.max_element();
+    placed.into_iter().any(|shape| brightest(shape) > 1.0)
 }
 
 /// A camera that shows all that happens in the animation `clip`, or the rest pose, in a picture of width over height

@@ -233,7 +233,7 @@ pub(crate) struct RenderArgs {
     pub filter: Option<FilterArg>,
 
     /// What radiance is multiplied by before it becomes the picture. [default: what the scene asks for, else 1]
-    #[arg(long, value_name = "F", value_parser = parse_factor)]
+    #[arg(long, value_name = "F", allow_negative_numbers = true, value_parser = parse_factor)]
     pub exposure: Option<f32>,
 
     /// Largest component of a sample's colour; brighter samples are darkened to it, which loses energy. "inf" lets

@@ -66,6 +66,8 @@ pub struct GoalRun {
     /// The samples it was expected to draw in all, over those it drew: as it said at [`MOMENTS`] of its samples. Unlike times
     /// they do not depend on what else the machine had to do.
     pub expected_samples: [Option<f64>; MOMENTS.len()],
+    /// Whether the range of samples that it gave then held them.
+    pub expected_held: [Option<bool>; MOMENTS.len()],
     /// What it said all along, as far as it said something: seconds since its start, and those it would take in all.
     pub foreseen: Vec<[f64; 2]>,
 }
@@ -118,7 +120,7 @@ fn goal_run(
     let (mut readings, mut foreseen_samples) = (Vec::new(), Vec::new());
     let mut watch = |watched: &Watched<'_>| {
         let progress = &watched.progress;
-        let samples = (progress.samples as f64, progress.foreseen_samples);
+        let samples = (progress.samples as f64, progress.foreseen_samples, progress.foreseen_range);
         readings.push((progress.elapsed.as_secs_f64(), progress.remaining.map(|left| left.as_secs_f64())));
         foreseen_samples.push(samples);
     };
@@ -135,9 +137,11 @@ fn goal_run(
         Some((reading.0 + reading.1?) / seconds)
     });
     let samples = statistics.samples as f64;
-    let expected_samples = MOMENTS.map(|share| {
-        let reading = foreseen_samples.iter().find(|(drawn, _)| *drawn >= share * samples)?;
-        Some(reading.1? / samples)
+    let reading = |share: f64| foreseen_samples.iter().find(|(drawn, ..)| *drawn >= share * samples);
+    let expected_samples = MOMENTS.map(|share| Some(reading(share)?.1? / samples));
+    let expected_held = MOMENTS.map(|share| {
+        let [low, high] = reading(share)?.2?;
+        Some((low..=high).contains(&samples))
     });
     let foreseen = readings.iter().filter_map(|&(elapsed, left)| Some([elapsed, elapsed + left?])).collect();
     Ok(GoalRun {
@@ -150,6 +154,7 @@ fn goal_run(
         seconds,
         expected,
         expected_samples,
+        expected_held,
         foreseen,
     })
 }

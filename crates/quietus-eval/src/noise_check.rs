@@ -1,6 +1,6 @@
 //! Whether the noise that a render reports is the noise it has.
 
-use quietus_render::noise::{Effort, Finished, Noise, estimate, pick};
+use quietus_render::noise::{Effort, Finished, FreshMean, Noise, estimate, pick};
 
 use crate::{
     Bank, Replay, packed,
@@ -26,14 +26,21 @@ pub(crate) fn reported_noise(bank: &Bank, replay: &Replay, run: u64) -> Option<N
     let picks = pick(&finished, Effort::REPORT, |index| {
         Random::new(run ^ 0x6e6f_6973, index).next() as f64 / 2.0_f64.powi(64)
     });
-    let fresh: Vec<[[f32; 3]; 2]> = picks
+    let fresh: Vec<[FreshMean; 2]> = picks
         .iter()
         .map(|pick| {
             let pair = (own + 1 + pick.repeat % (pairs - 1)) % pairs;
-            [0, 1].map(|half| mean(&bank.stream(pick.pixel, 2 * pair + half)[..pick.samples as usize]))
+            [0, 1].map(|half| fresh_mean(&bank.stream(pick.pixel, 2 * pair + half)[..pick.samples as usize]))
         })
         .collect();
     Some(estimate(&replay.picture.rgb, &picks, &fresh))
+}
+
+/// Means of all samples and of their halves.
+fn fresh_mean(words: &[[u8; 8]]) -> FreshMean {
+    let (whole, (first, second)) = (mean(words), words.split_at(words.len() / 2));
+    let halves = if first.is_empty() { [whole; 2] } else { [mean(first), mean(second)] };
+    FreshMean { whole, halves }
 }
 
 /// Mean of the samples that are not rejected.

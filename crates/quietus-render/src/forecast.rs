@@ -3,7 +3,7 @@
 use quietus::{AdaptiveSampling, PassCounts, Policy};
 use serde::{Deserialize, Serialize};
 
-use crate::noise::{Finished, edges, pooled_differences};
+use crate::noise::{Finished, edges, pooled_differences, pooled_noises};
 
 /// Pixels that a forecast looks at, about: spread evenly, they stand for all.
 const PIXELS: usize = 1 << 16;
@@ -232,37 +232,57 @@ impl Dealt {
     /// Of a round of sampling, and of the pixels `asked` (row by row). `None` where samples are to be dealt and there are no
     /// quotas yet.
     pub(crate) fn of(sampling: &AdaptiveSampling, asked: impl Iterator<Item = usize>) -> Option<Self> {
+        let grid = sampling.grid();
+        let is_dealt = sampling.settings().policy != Policy::Uniform;
+        if is_dealt && (0..grid.tiles()).any(|tile| sampling.quotas(tile).is_none()) {
+            return None;
+        }
+        let quotas =
+            |tile: u32, pixel: u8| sampling.quotas(tile).map(|quotas| quotas[usize::from(pixel)].into());
+        Some(Self::with_quotas(sampling, quotas, asked))
+    }
+
+    /// The same before there are quotas, by what they will be made from: as the noise of a sample is pooled over the pixels
+    /// around. They are known but for a factor.
+    pub(crate) fn before_quotas(
+        sampling: &AdaptiveSampling,
+        picture: &Finished<'_>,
+        asked: impl Iterator<Item = usize>,
+    ) -> Self {
+        let (grid, noises) = (sampling.grid(), pooled_noises(picture));
+        let quotas = |tile: u32, pixel: u8| {
+            let rect = grid.tile_rect(tile);
+            let (x, y) = (rect.x0 + u32::from(pixel) % 8, rect.y0 + u32::from(pixel) / 8);
+            Some(noises[y as usize * grid.width() as usize + x as usize].sqrt())
+        };
+        Self::with_quotas(sampling, quotas, asked)
+    }
+
+    fn with_quotas(
+        sampling: &AdaptiveSampling,
+        quotas: impl Fn(u32, u8) -> Option<f64>,
+        asked: impl Iterator<Item = usize>,
+    ) -> Self {
         let (grid, settings) = (sampling.grid(), sampling.settings());
         let is_dealt = settings.policy != Policy::Uniform;
         let counts = settings.pass_counts();
         let least = counts.least();
-        if is_dealt && (0..grid.tiles()).any(|tile| sampling.quotas(tile).is_none()) {
-            return None;
-        }
         let stride = (grid.rect().area() as usize).div_ceil(PIXELS).max(1);
-        let (mut pixels, mut place) = (Vec::new(), 0);
-        let dealt = |tile: u32, pixel: u8, quotas: Option<&[f32; 64]>| {
+        let dealt = |tile: u32, pixel: u8| {
             let count = sampling.counts().pixel(tile, pixel);
-            let quota = quotas.map_or(f64::from(least), |quotas| quotas[usize::from(pixel)].into());
-            DealtPixel { tile, count, quota }
+            DealtPixel { tile, count, quota: quotas(tile, pixel).unwrap_or(f64::from(least)) }
         };
-        for tile in 0..grid.tiles() {
-            let quotas = sampling.quotas(tile);
-            for pixel in quietus::active_mask::pixels(grid.full_mask(tile)) {
-                place += 1;
-                if place % stride == 0 {
-                    pixels.push(dealt(tile, pixel, quotas.as_ref()));
-                }
-            }
-        }
+        let tile_pixels =
+            |tile| quietus::active_mask::pixels(grid.full_mask(tile)).map(move |pixel| (tile, pixel));
+        let all = (0..grid.tiles()).flat_map(tile_pixels);
+        let pixels = all.skip(stride - 1).step_by(stride).map(|(tile, pixel)| dealt(tile, pixel)).collect();
         let asked = asked.map(|pixel| {
             let (x, y) = (pixel as u32 % grid.width(), pixel as u32 / grid.width());
-            let tile = y / 8 * grid.width().div_ceil(8) + x / 8;
-            dealt(tile, (y % 8 * 8 + x % 8) as u8, sampling.quotas(tile).as_ref())
+            dealt(y / 8 * grid.width().div_ceil(8) + x / 8, (y % 8 * 8 + x % 8) as u8)
         });
         let asked = asked.collect();
         let steps = if is_dealt { steps(&counts) } else { Vec::new() };
-        Some(Self { pixels, stands_for: stride as f64, asked, steps, counts, least })
+        Self { pixels, stands_for: stride as f64, asked, steps, counts, least }
     }
 
     /// What a pixel will have if quotas are multiplied by `factor`.

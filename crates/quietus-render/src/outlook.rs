@@ -17,18 +17,26 @@ use crate::weights::Weights;
 /// Looks cost a pass over all pixels: not before this much more time, relative and absolute.
 const PAUSE: (f64, Duration) = (1.03, Duration::from_millis(40));
 
-/// Samples per pixel before which pixels are not scouted.
-const LEAST_SAMPLES: f64 = 2.0;
+/// Samples per pixel before which pixels are not scouted: halves of fewer are no guide to where the error is.
+const LEAST_SAMPLES: f64 = 6.0;
 
 /// Share of all samples, as far as that is known, that is drawn for the guess in the first round;
 const SCOUTED: f64 = 0.015;
 
-/// or that many, if they are no more than such a share of the first round: small pictures need more to say anything.
-const LEAST_SCOUTED: (f64, f64) = (8192.0, 0.06);
+/// or that many, if they are no more than such a share of the first round: fewer do not even say how many are needed.
+const LEAST_SCOUTED: (f64, f64) = (65536.0, 0.04);
 
-/// What is left comes to this times what quotas say: where rare bright paths carry the light, trees find more noise the longer
-/// they look.
-const CREEP: f64 = 1.15;
+/// What is left comes to `1 + CREEP.0` times what quotas say, for every doubling of the samples, up to `1 + CREEP.1` times: at
+/// every update some quotas come out larger by chance, and what was drawn for them stays drawn. The last round has as many
+/// updates for an eighth more samples as others have for a quarter: twice the creep of the one before it.
+const CREEP: (f64, f64) = (0.3, 0.9);
+
+/// Deviation of the logarithm of what is left from what it comes to, of guesses by scouted pixels beyond what their number
+/// explains;
+const SCOUTED_SPREAD: f64 = 0.5;
+
+/// of those by the steering while there is another round to come, and in the last one. `docs/noise.md` has what they are from.
+const STEERED_SPREADS: [f64; 2] = [0.35, 0.3];
 
 /// Factors are found to this precision.
 const FACTOR_STEP: f64 = 1.01;
@@ -40,6 +48,25 @@ pub(crate) struct Left {
     pub(crate) samples: f64,
     /// Seconds of one thread, measurements of the noise included.
     pub(crate) seconds: f64,
+    /// Standard deviation of the logarithm of what is left of both.
+    pub(crate) spread: f64,
+}
+
+/// What a round is on the way to.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    /// What steering multiplies the quotas of this round by until the end.
+    factor: f64,
+    is_last: bool,
+    /// Samples that there were when it began, and those it should come to, as quotas said then.
+    foreseen: Option<[f64; 2]>,
+}
+
+/// What a look goes by besides the sampling.
+#[derive(Clone, Copy)]
+pub(crate) struct Seen<'a> {
+    pub(crate) film: &'a Film,
+    pub(crate) costs: &'a Costs,
 }
 
 /// The samples a render will have drawn, as far as that is known.
@@ -52,12 +79,10 @@ pub(crate) struct Outlook {
     weights: Option<Arc<Weights>>,
     /// Whether alpha, albedo or normal have to be clean too, which scouted pixels know nothing of.
     has_aovs: bool,
-    /// What steering multiplies the quotas of the present round by until the end; `None` in the first, where nobody knows.
-    factor: Option<f64>,
-    /// Rounds that are over.
-    rounds: u32,
-    /// The mean squared error, over what scouted pixels say of it.
-    level: Option<f64>,
+    /// Of the present round; `None` in the first, where nobody knows.
+    way: Option<Way>,
+    /// By how much the last round that came to its end went beyond what quotas had said, as a share of that.
+    crept: Option<f64>,
     looked: Option<Duration>,
     /// Samples in all, and seconds of one thread in all: what was drawn is taken off later.
     total: Option<Left>,
@@ -75,9 +100,8 @@ impl Outlook {
             first_samples: pixels * f64::from(settings.min_samples),
             weights: settings.weights.clone(),
             has_aovs: settings.aov_noise.iter().any(Option::is_some),
-            factor: None,
-            rounds: 0,
-            level: None,
+            way: None,
+            crept: None,
             looked: None,
             total: None,
             scout: Scout::default(),
@@ -89,14 +113,17 @@ impl Outlook {
         self.goal = Goal::Noise(noise);
     }
 
-    /// A new round begins, whose quotas will be multiplied by `factor` in the rounds that follow; `square` is the mean squared
-    /// error of the picture of the one before, which was `sampling`.
-    pub(crate) fn begin(&mut self, factor: f64, square: Option<f64>, sampling: &AdaptiveSampling) {
-        let now = Dealt::of(sampling, self.scout.pixels())
-            .and_then(|dealt| self.scout.square(|number| dealt.asked(number, 1.0 / LARGEST_FACTOR)));
-        self.level = square.zip(now).map(|(square, now)| square / now);
-        tracing::debug!("scouted {now:?}, measured {square:?}");
-        (self.factor, self.looked, self.rounds) = (Some(factor), None, self.rounds + 1);
+    /// A round came to its end, with `sampling`.
+    pub(crate) fn end(&mut self, sampling: &AdaptiveSampling) {
+        let Some([before, foreseen]) = self.way.and_then(|way| way.foreseen) else { return };
+        let crept = (sampling.counts().total() as f64 - before) / (foreseen - before) - 1.0;
+        self.crept = crept.is_finite().then(|| crept.max(0.0));
+    }
+
+    /// Another round begins. Its quotas will be multiplied by `factor` in those that follow, unless it is the last.
+    pub(crate) fn begin(&mut self, factor: f64, is_last: bool) {
+        self.way = Some(Way { factor, is_last, foreseen: None });
+        self.looked = None;
     }
 
     /// Samples that were drawn for the guess.
@@ -106,7 +133,7 @@ impl Outlook {
 
     /// Draws a few pixels where that helps to guess.
     pub(crate) fn scout<T: Tracer>(&mut self, tracer: &T, samples: u64, film: &Film) {
-        let is_first = matches!(self.goal, Goal::Noise(_)) && self.factor.is_none() && !self.has_aovs;
+        let is_first = matches!(self.goal, Goal::Noise(_)) && self.way.is_none() && !self.has_aovs;
         if !is_first || (samples as f64) < LEAST_SAMPLES * self.pixels {
             return;
         }
@@ -116,7 +143,7 @@ impl Outlook {
         let (least, share) = LEAST_SCOUTED;
         let total = self.total.map_or(0.0, |total| total.samples).max(self.first_samples);
         let most = (SCOUTED * total).max(least.min(share * self.first_samples));
-        self.scout.advance(tracer, self.window, most, total / self.pixels);
+        self.scout.advance(tracer, self.window, most);
     }
 
     /// What there will be in the end, without end while a noise was asked for and nobody knows; `None` where the share of
@@ -126,17 +153,14 @@ impl Outlook {
         elapsed: Duration,
         spent: f64,
         sampling: &AdaptiveSampling,
-        costs: &Costs,
+        seen: Seen<'_>,
     ) -> Option<Left> {
         let (factor, pause) = PAUSE;
         let is_early = self.looked.is_some_and(|at| elapsed < at.mul_f64(factor).max(at + pause));
         if !is_early {
             self.looked = Some(elapsed);
-            if let Some(left) = self.look(sampling, costs) {
-                let now = sampling.counts().total() as f64;
-                let creep = if self.is_at_the_least(&left) { 1.0 } else { CREEP };
-                let samples = now + creep * (left.samples - now);
-                self.total = Some(Left { samples, seconds: spent + creep * left.seconds });
+            if let Some(left) = self.look(sampling, seen) {
+                self.total = Some(Left { seconds: spent + left.seconds, ..left });
             }
         }
         self.known()
@@ -144,48 +168,84 @@ impl Outlook {
 
     /// What was found last.
     pub(crate) fn known(&self) -> Option<Left> {
-        let unknown = Left { samples: f64::INFINITY, seconds: f64::INFINITY };
+        let unknown = Left { samples: f64::INFINITY, seconds: f64::INFINITY, spread: 0.0 };
         self.total.or(matches!(self.goal, Goal::Noise(_)).then_some(unknown))
     }
 
-    /// What quotas say of the end: samples in all and seconds that are left.
-    fn look(&self, sampling: &AdaptiveSampling, costs: &Costs) -> Option<Left> {
-        let costs = costs.seconds()?;
-        let scouted = if self.is_scouted() { Some(self.scout.pixels()) } else { None };
-        let dealt = || Dealt::of(sampling, scouted.into_iter().flatten());
-        let (dealt, factor, measuring) = match self.goal {
-            Goal::Limits => return None,
-            Goal::TargetError(_) if self.sampling == Sampling::Uniform => return None,
-            Goal::TargetError(_) => (dealt()?, 1.0, 0.0),
-            Goal::Noise(asked) => {
-                let dealt = dealt()?;
-                let scouted = if self.is_scouted() { self.factor_to(asked, &dealt) } else { None };
-                (dealt, scouted.or(self.factor)?, self.measuring())
+    /// What is foreseen: samples in all, and seconds that are left.
+    fn look(&mut self, sampling: &AdaptiveSampling, seen: Seen<'_>) -> Option<Left> {
+        let costs = seen.costs.seconds()?;
+        match self.goal {
+            Goal::Limits => None,
+            Goal::TargetError(_) if self.sampling == Sampling::Uniform => None,
+            Goal::TargetError(_) => {
+                let dealt = Dealt::of(sampling, std::iter::empty())?;
+                let now = sampling.counts().total() as f64;
+                let [samples, _, left] = dealt.left(1.0, &costs);
+                let creep = 1.0 + Self::expected_creep(now, samples);
+                Some(Left {
+                    samples: now + creep * (samples - now),
+                    seconds: creep * left,
+                    spread: STEERED_SPREADS[0],
+                })
             }
+            Goal::Noise(asked) => match self.way {
+                None => self.by_scouts(asked, sampling, seen.film, &costs),
+                Some(way) => self.by_steering(way, sampling, &costs),
+            },
+        }
+    }
+
+    /// In the first round: from what scouted pixels say of the error, and quotas or what will make them.
+    fn by_scouts(&self, asked: f64, sampling: &AdaptiveSampling, film: &Film, costs: &[f64]) -> Option<Left> {
+        if self.has_aovs || !self.scout.has_picks() {
+            return None;
+        }
+        let dealt = Dealt::of(sampling, self.scout.pixels()).unwrap_or_else(|| {
+            let picture = Copied::of(film, self.weights.as_deref(), None);
+            Dealt::before_quotas(sampling, &picture.finished(), self.scout.pixels())
+        });
+        let (factor, deviation) = self.factor_to(asked, &dealt)?;
+        let [samples, drawn, left] = dealt.left(factor, costs);
+        let is_at_the_least = samples < 1.5 * self.first_samples;
+        let spread = if is_at_the_least { STEERED_SPREADS[1] } else { deviation.hypot(SCOUTED_SPREAD) };
+        Some(Left { samples, seconds: left + self.measuring() * (drawn + left), spread })
+    }
+
+    /// From what the steering has decided.
+    fn by_steering(&mut self, way: Way, sampling: &AdaptiveSampling, costs: &[f64]) -> Option<Left> {
+        let dealt = Dealt::of(sampling, std::iter::empty())?;
+        let now = sampling.counts().total() as f64;
+        if let Some(Way { foreseen: foreseen @ None, .. }) = &mut self.way {
+            *foreseen = Some([now, dealt.left(1.0, costs)[0]]);
+        }
+        let [samples, drawn, left] = dealt.left(way.factor, costs);
+        let creep = match self.crept.filter(|_| way.is_last) {
+            Some(crept) => (2.0 * crept).min(CREEP.1),
+            None => Self::expected_creep(now, samples),
         };
-        let [samples, drawn, left] = dealt.left(factor, &costs);
-        Some(Left { samples, seconds: left + measuring * (drawn + left) })
+        let seconds = (1.0 + creep) * left;
+        let spread = STEERED_SPREADS[usize::from(way.is_last)];
+        let samples = now + (1.0 + creep) * (samples - now);
+        Some(Left { samples, seconds: seconds + self.measuring() * (drawn + seconds), spread })
     }
 
-    /// Whether nothing is expected to be drawn but what all pixels get in any case.
-    fn is_at_the_least(&self, left: &Left) -> bool {
-        left.samples < 1.5 * self.first_samples
+    /// How much more comes, as a share of what quotas say, where nothing was learnt yet.
+    fn expected_creep(now: f64, then: f64) -> f64 {
+        let (each, most) = CREEP;
+        (each * (then / now.max(1.0)).max(1.0).log2()).min(most)
     }
 
-    /// Whether scouted pixels say more than the steering knows: one measurement tells how large the error is, but not how it
-    /// falls.
-    fn is_scouted(&self) -> bool {
-        !self.has_aovs && (self.rounds == 0 || self.rounds == 1 && self.level.is_some())
-    }
-
-    /// What quotas are to be multiplied by for the noise `asked` for, going by the scouted pixels.
-    fn factor_to(&self, asked: f64, dealt: &Dealt) -> Option<f64> {
-        let goal = asked.powi(2) / self.level.unwrap_or(1.0);
+    /// What quotas are to be multiplied by for the noise `asked` for, going by the scouted pixels, and the relative deviation of
+    /// the squared error that they find there.
+    fn factor_to(&self, asked: f64, dealt: &Dealt) -> Option<(f64, f64)> {
+        let goal = asked.powi(2);
         let square = |factor: f64| self.scout.square(|number| dealt.asked(number, factor));
         // Nothing is known where too little was scouted.
         square(1.0 / LARGEST_FACTOR)?;
-        let is_enough = |factor: f64| square(factor).is_none_or(|square| square <= goal);
-        Some(least_factor(FACTOR_STEP, is_enough).unwrap_or(LARGEST_FACTOR))
+        let is_enough = |factor: f64| square(factor).is_none_or(|(square, _)| square <= goal);
+        let factor = least_factor(FACTOR_STEP, is_enough).unwrap_or(LARGEST_FACTOR);
+        Some((factor, square(factor).map_or(1.0, |(_, deviation)| deviation)))
     }
 
     /// Samples that measure the noise, over those in the picture.

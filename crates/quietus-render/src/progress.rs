@@ -36,8 +36,12 @@ pub struct Progress {
     pub converged_fraction: f64,
     /// Guessed time until the end; `None` while there is nothing to guess from.
     pub remaining: Option<Duration>,
+    /// The range that nine in ten of such guesses come to lie in; `None` where there is no guess, or no more to be said of it.
+    pub remaining_range: Option<[Duration; 2]>,
     /// Guessed samples of the picture in the end; `None` while there is nothing to guess from.
     pub foreseen_samples: Option<f64>,
+    /// The range that nine in ten of such guesses come to lie in.
+    pub foreseen_range: Option<[f64; 2]>,
     /// The noise, where it was asked for.
     pub noise: Option<NoiseProgress>,
 }
@@ -45,6 +49,9 @@ pub struct Progress {
 /// How much of the past counts as "lately", as a share of the time elapsed. Long enough to smooth over passes,
 /// short enough to follow a render that slows down.
 const RECENT: f64 = 0.3;
+
+/// 95 % quantile of the normal distribution: nine tenths lie no further from its middle.
+const RANGE: f64 = 1.645;
 
 /// Below this share converged, its growth says nothing yet.
 const LEAST_SHARE: f64 = 0.02;
@@ -100,6 +107,8 @@ impl Estimator {
         self.history.push_back(now);
         let span = (now.seconds - before.seconds).max(1e-9);
         let rate = now.samples.saturating_sub(before.samples) as f64 / span;
+        let remaining = self.remaining(before, now, total);
+        let foreseen = total.filter(|total| total.samples.is_finite());
         let rays_per_second = now.rays.saturating_sub(before.rays) as f64 / span;
         Progress {
             elapsed,
@@ -109,10 +118,25 @@ impl Estimator {
             rays,
             rays_per_second,
             converged_fraction: converged,
-            remaining: self.remaining(before, now, total).map(Duration::from_secs_f64),
-            foreseen_samples: total.map(|total| total.samples).filter(|samples| samples.is_finite()),
+            remaining: remaining.map(Duration::from_secs_f64),
+            remaining_range: remaining.zip(total).map(|(remaining, total)| {
+                let factor = (RANGE * total.spread).exp();
+                let ends = [remaining / factor, self.before_the_limit(now, remaining * factor)];
+                ends.map(|end| Duration::from_secs_f64(end.max(0.0)))
+            }),
+            foreseen_samples: foreseen.map(|total| total.samples),
+            foreseen_range: foreseen.map(|total| {
+                let (factor, samples) = ((RANGE * total.spread).exp(), samples as f64);
+                let left = (total.samples - samples).max(0.0);
+                [samples + left / factor, samples + left * factor]
+            }),
             noise: None,
         }
+    }
+
+    /// Seconds, or those that the limit leaves.
+    fn before_the_limit(&self, now: Point, seconds: f64) -> f64 {
+        self.limit.map_or(seconds, |limit| seconds.min(limit - now.seconds)).min(1e9)
     }
 
     /// The least of three ends: the work that the render is expected to take or, where nobody knows, the share converged
@@ -167,7 +191,7 @@ mod tests {
         let mut estimator = Estimator::new(100, None, None);
         run(&mut estimator, |t| 0.25 * t);
         // Five threads.
-        let total = Some(Left { samples: 0.0, seconds: 35.5 });
+        let total = Some(Left { samples: 0.0, seconds: 35.5, spread: 0.0 });
         let drawn = Drawn { samples: 51_000, spent: 25.5, total, ..Drawn::default() };
         let progress = estimator.reading(Duration::from_millis(5100), drawn, 0.25);
         assert!((left(&progress) - 2.0).abs() < 0.1, "{progress:?}");

@@ -21,7 +21,7 @@ use crate::clock::Clock;
 use crate::costs::Costs;
 use crate::live::Live;
 use crate::noise::{Copied, Noise};
-use crate::outlook::Outlook;
+use crate::outlook::{Outlook, Seen};
 use crate::pixel_errors::REPLICATES;
 use crate::process;
 use crate::progress::{Drawn, Estimator};
@@ -82,7 +82,9 @@ pub fn render_keeping<T: Tracer>(
         }
         let sampling = AdaptiveSampling::restored(rounds.library_up_to(&aim, max_samples), &sampling)?;
         let (aim, sampling) = rounds.towards_the_goal(aim, max_samples, sampling)?;
-        rounds.outlook.begin(aim.factor_left, None, &sampling);
+        if rounds.steering.is_past_the_first() {
+            rounds.outlook.begin(aim.factor_left, aim.is_last);
+        }
         return rounds.run(control, aim, sampling, keeper);
     }
     let start = Instant::now();
@@ -232,6 +234,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
                 if drawn > before { (drawn - before, start) } else { (drawn, Duration::ZERO) };
             let pace = drawn as f64 / clock.elapsed().saturating_sub(start).as_secs_f64().max(1e-9);
             self.end(&sampling, aim, self.settings.max_samples);
+            self.outlook.end(&sampling);
             // It may have finished just when it was told to stop.
             let decision = match stopped_by.filter(|_| !sampling.is_finished()) {
                 Some(stopped_by) => Decision::Stop(stopped_by),
@@ -248,7 +251,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
                 }
                 Decision::GoOn(next) => aim = next,
             }
-            self.outlook.begin(aim.factor_left, self.steering.square(), &sampling);
+            self.outlook.begin(aim.factor_left, aim.is_last);
             sampling = observed(AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?);
         };
         // Before pixels have their minimum there is hardly time, and nothing that says where to measure.
@@ -452,7 +455,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
             let [samples, rays] = Counters::sum(counters);
             outlook.scout(tracer, samples, film);
             let (elapsed, spent) = (clock.elapsed(), measured + Counters::seconds(counters));
-            let total = outlook.total(elapsed, spent, sampling, costs);
+            let total = outlook.total(elapsed, spent, sampling, Seen { film, costs });
             let drawn = Drawn { samples, rays, spent, total };
             let mut progress = estimator.reading(elapsed, drawn, sampling.converged_fraction());
             progress.noise = noise;

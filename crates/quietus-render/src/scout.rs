@@ -16,16 +16,17 @@ use crate::noise::{Finished, MAX_MAGNITUDE, Pick, displayed, pick_by, uniform};
 use crate::tracer::Tracer;
 
 /// Pixels that are drawn at most. A power of two.
-const MOST_PICKS: usize = 1024;
+const MOST_PICKS: usize = 4096;
 
 /// Pixels before whose samples nothing is said.
 const LEAST_PICKS: usize = 32;
 
-/// Samples of each of the four replicates of a pixel: where short renders end, and where long ones are on their way.
-const DEPTHS: [usize; 2] = [16, 128];
+/// Samples of each of the four replicates of a pixel. Error differs from pixel to pixel more than anything else: many pixels
+/// say more than many samples of each.
+const DEPTH: usize = 16;
 
-/// Numbers of samples, of two replicates, whose error is found; the first few of them at pixels of the lesser depth.
-const SIZES: [u32; 8] = [2, 4, 8, 16, 32, 64, 128, 256];
+/// Numbers of samples, of two replicates, whose error is found.
+const SIZES: [u32; 5] = [2, 4, 8, 16, 32];
 
 /// Noise of a sample, relative to what it was found to be at a quarter of the samples, that is believed to go on for as much
 /// again: it grows where rare bright paths were hardly met, and falls where low-discrepancy points fill gaps.
@@ -57,7 +58,7 @@ struct Curve {
     /// How many pixels it stands for, relative to the mean.
     weight: f64,
     /// Mean squared error of as many samples as [`SIZES`] says, times that number. An estimate of it, which may be below 0.
-    noises: Vec<f64>,
+    noises: [f64; SIZES.len()],
 }
 
 impl Curve {
@@ -91,32 +92,27 @@ impl Scout {
         self.samples as f64
     }
 
-    /// Draws pixels for a moment, so that there will be about `most` samples in the end, for a picture that is thought to
-    /// have `mean` samples per pixel.
-    pub(crate) fn advance<T: Tracer>(&mut self, tracer: &T, window: Window, most: f64, mean: f64) {
+    /// Draws pixels for a moment, so that there will be about `most` samples in the end.
+    pub(crate) fn advance<T: Tracer>(&mut self, tracer: &T, window: Window, most: f64) {
         let began = Instant::now();
-        let depth = DEPTHS[usize::from(mean > 4.0 * DEPTHS[0] as f64)];
         while !self.is_over && self.samples() < most && began.elapsed() < SLICE {
             // Any beginning of this order is spread over all picks.
-            let next = (self.curves.len() * 633) % MOST_PICKS;
+            let next = (self.curves.len() * 2533) % MOST_PICKS;
             let Some(pick) = self.picks.get(next).filter(|_| self.curves.len() < MOST_PICKS) else { break };
             // Where the tracer panics the render will find out, or has its luck: a guess is not worth it.
-            let drawn = catch_unwind(AssertUnwindSafe(|| draw(tracer, window, pick, depth)));
+            let drawn = catch_unwind(AssertUnwindSafe(|| draw(tracer, window, pick)));
             self.is_over = drawn.is_err();
-            self.samples += REPLICATES.len() * depth;
+            self.samples += REPLICATES.len() * DEPTH;
             self.curves.extend(drawn);
         }
         self.growth = self.growth();
     }
 
-    /// The last step of the noise of a sample that pixels of one depth show.
+    /// The last step of the noise of a sample.
     fn growth(&self) -> f64 {
-        let sizes = self.curves.iter().map(|curve| curve.noises.len()).max().unwrap_or(0);
-        let sum = |size: usize| -> f64 {
-            let deep = self.curves.iter().filter(|curve| curve.noises.len() == sizes);
-            deep.map(|curve| curve.weight * curve.noises[size]).sum()
-        };
-        let growth = if sizes > 2 { sum(sizes - 1) / sum(sizes - 3) } else { 1.0 };
+        let sum =
+            |size: usize| -> f64 { self.curves.iter().map(|curve| curve.weight * curve.noises[size]).sum() };
+        let growth = sum(SIZES.len() - 1) / sum(SIZES.len() - 3);
         if growth.is_finite() { growth.clamp(*GROWTHS.start(), *GROWTHS.end()) } else { 1.0 }
     }
 
@@ -127,7 +123,7 @@ impl Scout {
 
     /// Mean squared error of a picture whose scouted pixels, in their order, have `samples`, and its standard
     /// deviation relative to it. `None` where too little is known.
-    pub(crate) fn square(&self, samples: impl Fn(usize) -> f64) -> Option<f64> {
+    pub(crate) fn square(&self, samples: impl Fn(usize) -> f64) -> Option<(f64, f64)> {
         let n = self.curves.len() as f64;
         let value =
             |(number, curve): (usize, &Curve)| curve.weight * curve.square(samples(number), self.growth);
@@ -135,28 +131,27 @@ impl Scout {
         let mean = values.iter().sum::<f64>() / n;
         let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0) / n;
         let is_known = values.len() >= LEAST_PICKS && variance.sqrt() < LARGEST_DEVIATION * mean;
-        is_known.then_some(mean)
+        is_known.then_some((mean, variance.sqrt() / mean))
     }
 }
 
-/// Draws a pixel, `depth` samples of each replicate, and finds how its error falls.
-fn draw<T: Tracer>(tracer: &T, window: Window, pick: &Pick, depth: usize) -> Curve {
+/// Draws a pixel and finds how its error falls.
+fn draw<T: Tracer>(tracer: &T, window: Window, pick: &Pick) -> Curve {
     let (x, y) =
         (window.x0 + pick.pixel as u32 % window.width(), window.y0 + pick.pixel as u32 / window.width());
     let [a, b, c, d] = REPLICATES.map(|replicate| {
         // A pixel that is picked again goes on where the last pick ended.
-        let first = pick.repeat * DEPTHS[1] as u32;
+        let (first, count) = (pick.repeat * DEPTH as u32, DEPTH as u32);
         let mut sums = Sums::default();
-        tracer.render_tile(&[PixelWork { x, y, pixel: 0, replicate, first, count: depth as u32 }], &mut sums);
-        sums.0.resize(depth + 1, sums.0.last().copied().unwrap_or_default());
+        tracer.render_tile(&[PixelWork { x, y, pixel: 0, replicate, first, count }], &mut sums);
+        sums.0.resize(DEPTH + 1, sums.0.last().copied().unwrap_or_default());
         sums.0
     });
-    let sizes = SIZES.iter().take_while(|&&size| size as usize <= 2 * depth);
-    let noise = |&size: &u32| {
+    let noise = |size: u32| {
         let square = square([&a, &b], [&c, &d], size) + square([&c, &d], [&a, &b], size);
         0.5 * f64::from(size) * square
     };
-    Curve { pixel: pick.pixel, weight: pick.weight, noises: sizes.map(noise).collect() }
+    Curve { pixel: pick.pixel, weight: pick.weight, noises: SIZES.map(noise) }
 }
 
 /// Mean squared error of `size` samples, half of them of each of two replicates, by all blocks of them there are; against two

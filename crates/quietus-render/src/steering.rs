@@ -243,7 +243,7 @@ impl Steering {
     fn aovs_together(&self) -> Option<Noise> {
         let square: f64 = self.asked_aovs().map(|(noise, asked)| (noise.reached / asked).powi(2)).sum();
         let deviation = self.asked_aovs().filter(|(noise, _)| noise.reached > 0.0);
-        let width = deviation.map(|(noise, _)| noise.high / noise.reached).reduce(f64::max)?;
+        let width = deviation.map(|(noise, _)| noise.reached / noise.low).reduce(f64::max)?;
         let reached = square.sqrt();
         Some(Noise { reached, low: reached / width, high: reached * width })
     }
@@ -308,9 +308,9 @@ impl Steering {
         Effort::STEP.for_way_of(reach.samples)
     }
 
-    /// The mean squared error of the picture as it was looked at last, as far as measurements are believed.
-    pub(crate) fn square(&self) -> Option<f64> {
-        self.learnt.square
+    /// Whether quotas have been set by what was found.
+    pub(crate) fn is_past_the_first(&self) -> bool {
+        self.learnt.rounds > 0
     }
 
     /// What is to be done after the round that aimed at `aim`.
@@ -368,7 +368,7 @@ impl Steering {
             forecast.least(limit)
         });
         let Some(reach) = reach.filter(|reach| reach.samples > SMALLEST_STEP) else {
-            return Err(self.finish_early(measured, asked, aim));
+            return Err(self.finish_early(measured, asked));
         };
         if reach.samples <= LAST_STEP {
             return Ok((reach, true, reach));
@@ -384,13 +384,14 @@ impl Steering {
     }
 
     /// The goal is reached before a round was meant to be the last.
-    fn finish_early(&mut self, measured: Noise, asked: f64, aim: &Aim) -> Verdict {
+    fn finish_early(&mut self, measured: Noise, asked: f64) -> Verdict {
         if self.learnt.rounds == 1 && self.learnt.bound.is_none() {
             self.learnt.bound = Some(Bound::MinSamples);
         }
-        // Clear of the goal, the measurement would have decided the same if it had come out otherwise.
-        let is_clear = measured.high < asked && self.asked_aovs().all(|(noise, asked)| noise.high < asked);
-        match aim.is_last || is_clear {
+        // Nothing else can have come of a measurement that is that far from what was asked for.
+        let is_clear =
+            measured.is_clear_of(asked) && self.asked_aovs().all(|(noise, asked)| noise.is_clear_of(asked));
+        match is_clear {
             true => self.finish(measured),
             false => Verdict::MeasureAgain,
         }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use quietus_render::NoiseProgress;
+use quietus_render::{NoiseProgress, Progress};
 
 use super::{Measure, Snapshot};
 
@@ -12,9 +12,21 @@ pub(super) fn share(measure: Measure, snapshot: &Snapshot) -> String {
         Some((share, name)) => format!("{:.1} % {name}", 100.0 * share),
         None => "noise not measured yet".to_owned(),
     };
-    let left = snapshot.progress.remaining.map_or_else(|| "?".to_owned(), duration);
-    format!("{share}, {left} left")
+    format!("{share}, {} left", left(&snapshot.progress))
 }
+
+/// The time left, or its range where that is wide: nobody is helped by seconds that may be minutes.
+fn left(progress: &Progress) -> String {
+    let wide = |&[low, high]: &[Duration; 2]| high.as_secs() > 9 && high > low.mul_f64(WIDE);
+    match (progress.remaining, progress.remaining_range.filter(wide)) {
+        (_, Some([low, high])) => format!("{}-{}", duration(low), duration(high)),
+        (Some(left), None) => duration(left),
+        (None, None) => "?".to_owned(),
+    }
+}
+
+/// Range, as high over low, from which on it is told instead of the guess: a fifth to either side.
+const WIDE: f64 = 1.5;
 
 /// Noise, samples, speed and time: what fits into 80 columns.
 pub(super) fn status(snapshot: &Snapshot) -> String {
@@ -48,7 +60,6 @@ fn duration(time: Duration) -> String {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use quietus_render::Progress;
     use quietus_render::noise::Noise;
 
     use super::*;
@@ -64,7 +75,9 @@ pub(super) mod tests {
             rays_per_second: 12_340_000.0,
             converged_fraction: 0.5,
             remaining: Some(Duration::from_secs(3_723)),
+            remaining_range: None,
             foreseen_samples: None,
+            foreseen_range: None,
             noise: None,
         }
     }
@@ -76,6 +89,12 @@ pub(super) mod tests {
         assert_eq!(status(&snapshot), expected);
         assert_eq!(share(Measure::Converged, &snapshot), "50.0 % converged, 1:02:03 left");
         assert_eq!(share(Measure::Samples(40.0), &snapshot), "25.0 % drawn, 1:02:03 left");
+        let ranged = |[low, high]: [u64; 2]| {
+            let range = Some([low, high].map(Duration::from_secs));
+            left(&Progress { remaining_range: range, ..progress() })
+        };
+        assert_eq!(ranged([120, 300]), "2:00-5:00");
+        assert_eq!(ranged([3_600, 3_900]), "1:02:03");
         assert_eq!(
             share(Measure::Time(Duration::from_secs(7)), &snapshot),
             "100.0 % of the time, 1:02:03 left"

@@ -10,7 +10,7 @@ half-width | spp | rounds | measuring | bound |
 
 /// The head of a table of [`foreseen_row`]s.
 pub const FORESEEN_HEAD: &str = "\
-| scene | asked | runs | seconds | samples foreseen / drawn after 10 % (5-95 %), within a fifth | after 25 % | after 50 % | after 75 % | \
+| scene | asked | runs | seconds | samples foreseen / drawn after 10 % (5-95 %), within a fifth, within the range that was said | after 25 % | after 50 % | after 75 % | \
 time foreseen / taken after 10 % | after 25 % | after 50 % | after 75 % |
 |---|---|---|---|---|---|---|---|---|---|---|---|";
 
@@ -49,7 +49,10 @@ pub fn foreseen_row(scene: &str, asked: f64, runs: &[GoalRun]) -> String {
         format!("{}, {near} of {}", spread(said.iter().copied()), said.len())
     };
     let moments = 0..MOMENTS.len();
-    let samples = moments.clone().map(|moment| column(&|run: &GoalRun| run.expected_samples[moment]));
+    let samples = moments.clone().map(|moment| {
+        let held = runs.iter().filter(|run| run.expected_held[moment] == Some(true)).count();
+        format!("{}, {held}", column(&|run: &GoalRun| run.expected_samples[moment]))
+    });
     let times = moments.map(|moment| column(&|run: &GoalRun| run.expected[moment]));
     let columns: Vec<String> = samples.chain(times).collect();
     let seconds = mean(runs.iter().map(|run| run.seconds));

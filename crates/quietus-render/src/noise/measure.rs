@@ -8,7 +8,7 @@ use std::time::Instant;
 use quietus_film::{Film, Window};
 use quietus_trace::tile::{PixelWork, Sample, SampleSink};
 
-use super::{Aov, AovValues, Effort, Finished, Noise, OfAovs, Pick, estimate, pick};
+use super::{Aov, AovValues, Effort, Finished, FreshMean, Noise, OfAovs, Pick, estimate, pick};
 use crate::aov_demand::AovDemand;
 use crate::crew;
 use crate::live::Live;
@@ -207,7 +207,7 @@ impl Copied {
 /// Means of a replicate that the film does not have.
 #[derive(Clone, Copy, Debug, Default)]
 struct Fresh {
-    color: [f32; 3],
+    color: FreshMean,
     aovs: AovValues,
 }
 
@@ -217,23 +217,34 @@ struct Mean {
     /// Radiance, alpha, albedo, normal.
     sum: [f64; 10],
     count: f64,
+    /// Radiance of the first and second half of the samples, and how many these are.
+    halves: [[f64; 4]; 2],
 }
 
 impl Mean {
     fn fresh(&self) -> Fresh {
         let [r, g, b, aovs @ ..] = self.sum.map(|sum| (sum / self.count.max(1.0)) as f32);
-        Fresh { color: [r, g, b], aovs }
+        let whole = [r, g, b];
+        let is_cut = self.halves.iter().all(|half| half[3] > 0.0);
+        let mean = |[r, g, b, count]: [f64; 4]| [r, g, b].map(|sum| (sum / count) as f32);
+        let halves = if is_cut { self.halves.map(mean) } else { [whole; 2] };
+        Fresh { color: FreshMean { whole, halves }, aovs }
     }
 }
 
 impl SampleSink for Mean {
-    fn add(&mut self, _: &PixelWork, _: u32, sample: &Sample) {
+    fn add(&mut self, work: &PixelWork, index: u32, sample: &Sample) {
         let (c, a, n) = (sample.radiance, sample.albedo, sample.normal);
         let values = [c.x, c.y, c.z, sample.alpha, a.x, a.y, a.z, n.x, n.y, n.z];
         // Written so that NaN fails too.
         if values.iter().all(|value| value.abs() <= MAX_MAGNITUDE) {
             self.sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += f64::from(value));
             self.count += 1.0;
+            let half = &mut self.halves[usize::from(index - work.first >= work.count / 2)];
+            let [r, g, b, count] = half;
+            for (sum, value) in [(r, c.x), (g, c.y), (b, c.z), (count, 1.0)] {
+                *sum += f64::from(value);
+            }
         }
     }
 }

@@ -16,6 +16,7 @@ pub(crate) use aovs::edges;
 pub use aovs::{Aov, AovValues, OfAovs};
 pub use measure::measure_noise;
 pub(crate) use measure::{Copied, MAX_MAGNITUDE, Measured, Measuring, uniform};
+use quietus::policy::CREDIBLE_SAMPLES;
 use serde::{Deserialize, Serialize};
 
 /// Share of the picks that go by the difference of halves; the rest is spread evenly, so that no pixel counts more
@@ -72,6 +73,9 @@ const LEAST_PICKS: usize = 64;
 /// 97.5 % quantile of the normal distribution.
 const NORMAL_QUANTILE: f64 = 1.959_963_985;
 
+/// Standard deviations that a measurement is off once in 16,000 times, to either side.
+const CLEAR: f64 = 4.0;
+
 /// Root mean square error over all pixels and channels in display space, `sqrt(clamp(linear, 0, 1))`, as a share of
 /// white.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,7 +91,12 @@ pub struct Noise {
 impl Noise {
     /// Standard deviation of the logarithm of the estimate.
     pub(crate) fn log_deviation(&self) -> f64 {
-        (self.high / self.reached).ln() / NORMAL_QUANTILE
+        (self.reached / self.low).ln() / NORMAL_QUANTILE
+    }
+
+    /// Whether it is so far from `noise` that another measurement would not be on the other side of it.
+    pub(crate) fn is_clear_of(&self, noise: f64) -> bool {
+        (self.reached / noise).ln().abs() > CLEAR * self.log_deviation()
     }
 }
 
@@ -217,8 +226,12 @@ pub(crate) fn squared_differences(picture: &Finished<'_>) -> Vec<f64> {
 
 /// Squared displayed differences of halves, means over the pixels around, summed over channels.
 pub(crate) fn pooled_differences(picture: &Finished<'_>) -> Vec<f64> {
-    let (width, height) = (picture.width, picture.means.len() / picture.width);
-    let squares = squared_differences(picture);
+    pooled_over(picture.width, &squared_differences(picture))
+}
+
+/// Means over the pixels around.
+fn pooled_over(width: usize, squares: &[f64]) -> Vec<f64> {
+    let height = squares.len() / width;
     let around = |place: usize, end: usize| place.saturating_sub(POOL)..(place + POOL + 1).min(end);
     let pooled = |x: usize, y: usize| {
         let rows = around(y, height).map(|row| squares[row * width..][around(x, width)].iter().sum::<f64>());
@@ -228,32 +241,91 @@ pub(crate) fn pooled_differences(picture: &Finished<'_>) -> Vec<f64> {
     (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pooled(x, y)).collect()
 }
 
-/// The noise of a picture of pixel means `means` from `picks` and the means of their two fresh replicates.
-///
-/// The interval is normal for the logarithm, which is skewed less than the mean square itself.
-pub fn estimate(means: &[[f32; 3]], picks: &[Pick], fresh: &[[[f32; 3]; 2]]) -> Noise {
-    let squared = |pick: &Pick, [v, w]: &[[f32; 3]; 2]| -> f64 {
+/// The noise of a sample of each pixel, relative to its brightness as quotas go by it, pooled over the pixels around and, as far
+/// as these hold too few samples to be believed, over the picture.
+pub(crate) fn pooled_noises(picture: &Finished<'_>) -> Vec<f64> {
+    let noise = |(pixel, [a, b]): (usize, &[[f32; 3]; 2])| -> f64 {
+        let channels = (0..3).map(|c| {
+            let (a, b) = (f64::from(a[c]), f64::from(b[c]));
+            (0.5 * (a - b)).powi(2) / (0.5 * (a + b).abs() + 0.01)
+        });
+        picture.squared_weight(pixel) * f64::from(picture.counts[pixel]) * channels.sum::<f64>()
+    };
+    let noises: Vec<f64> = picture.halves.iter().enumerate().map(noise).collect();
+    let mean = noises.iter().sum::<f64>() / noises.len() as f64;
+    let pooled = |(pixel, own): (usize, f64)| {
+        let held = ((2 * POOL + 1).pow(2) * picture.counts[pixel] as usize) as f64;
+        let credibility = held / (held + CREDIBLE_SAMPLES * mean).max(f64::MIN_POSITIVE);
+        credibility * own + (1.0 - credibility) * mean
+    };
+    pooled_over(picture.width, &noises).into_iter().enumerate().map(pooled).collect()
+}
+
+/// What a fresh replicate of a pixel found, red, green and blue.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FreshMean {
+    /// The mean of all of its samples.
+    pub whole: [f32; 3],
+    /// The means of its first and second half; both that of all where there are too few to be cut in two.
+    pub halves: [[f32; 3]; 2],
+}
+
+impl FreshMean {
+    /// A channel as it is displayed, without most of what the bend of the display's curve takes off means of few samples: a
+    /// jackknife of two groups (Quenouille 1956, *Notes on Bias in Estimation*).
+    fn displayed(&self, channel: usize) -> f64 {
+        let [a, b] = self.halves.map(|half| displayed(half[channel]));
+        2.0 * displayed(self.whole[channel]) - 0.5 * (a + b)
+    }
+}
+
+/// The noise of a picture of pixel means `means` from `picks` and what their two fresh replicates found.
+pub fn estimate(means: &[[f32; 3]], picks: &[Pick], fresh: &[[FreshMean; 2]]) -> Noise {
+    let squared = |pick: &Pick, [v, w]: &[FreshMean; 2]| -> f64 {
         let m = means[pick.pixel].map(displayed);
-        let channels = (0..3).map(|c| (m[c] - displayed(v[c])) * (m[c] - displayed(w[c])));
+        let channels = (0..3).map(|c| (m[c] - v.displayed(c)) * (m[c] - w.displayed(c)));
         pick.weight * channels.sum::<f64>() / 3.0
     };
     estimate_squares(&picks.iter().zip(fresh).map(|(pick, fresh)| squared(pick, fresh)).collect::<Vec<_>>())
 }
 
 /// The root of a mean of squares from estimates of them.
+///
+/// The interval is normal for the logarithm, which is skewed less than the mean square itself. Its upper end is raised by what
+/// larger values than any that were met may hold.
 fn estimate_squares(values: &[f64]) -> Noise {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0) / n;
-    let deviation = variance.sqrt();
+    let (deviation, unseen) = (variance.sqrt(), unseen(values));
     if mean <= 0.0 {
         // By chance, where there is hardly any noise.
-        let high = (mean + NORMAL_QUANTILE * deviation).max(0.0).sqrt();
+        let high = (mean + NORMAL_QUANTILE * deviation + unseen).max(0.0).sqrt();
         return Noise { reached: 0.0, low: 0.0, high };
     }
     let factor = (0.5 * NORMAL_QUANTILE * deviation / mean).exp();
     let reached = mean.sqrt();
-    Noise { reached, low: reached / factor, high: reached * factor }
+    let high = (mean * factor * factor + unseen).sqrt();
+    Noise { reached, low: reached / factor, high }
+}
+
+/// Share of the values whose size tells how much larger there may be.
+const TAIL: f64 = 0.05;
+
+/// Inverse of a Pareto index: tails heavier than that have no variance, and no interval that is made from one.
+const HEAVIEST_TAIL: f64 = 0.5;
+
+/// What values that were not met may add to a mean: a share of 1/n is expected to lie beyond the largest of n (Good 1953, *The
+/// Population Frequencies of Species*), and comes to this on average where the largest values are the end of a Pareto
+/// distribution (Hill 1975, *A Simple General Approach to Inference About the Tail of a Distribution*).
+fn unseen(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(|a, b| b.total_cmp(a));
+    let tail = ((TAIL * sorted.len() as f64) as usize).max(10);
+    let Some(&least) = sorted.get(tail).filter(|&&least| least > 0.0) else { return 0.0 };
+    let logarithms: f64 = sorted[..tail].iter().map(|value| (value / least).ln()).sum();
+    let heaviness = (logarithms / tail as f64).min(HEAVIEST_TAIL);
+    sorted[0] / (1.0 - heaviness) / sorted.len() as f64
 }
 
 #[cfg(test)]
@@ -275,6 +347,44 @@ mod tests {
         let scale = if pixel % 32 < 16 { 0.0 } else { sigma };
         let normal = (0..12).map(|i| random((pixel as u64 * 64 + stream) * 12 + i)).sum::<f64>() - 6.0;
         [0.25 + scale * normal as f32; 3]
+    }
+
+    /// A replicate that is too short to be cut in two.
+    fn whole(mean: [f32; 3]) -> FreshMean {
+        FreshMean { whole: mean, halves: [mean; 2] }
+    }
+
+    #[test]
+    fn halves_take_off_the_bend_of_the_display() {
+        // Paths that one in four samples meets: means of 8 samples are displayed darker than the truth.
+        let random = random(3);
+        let (mut plain, mut corrected) = (0.0, 0.0);
+        for replicate in 0..4096 {
+            let hits =
+                |half: u64| (0..4).filter(|i| random(8 * replicate + 4 * half + i) < 0.25).count() as f32;
+            let halves = [0, 1].map(|half| [hits(half) / 4.0; 3]);
+            let fresh = FreshMean { whole: [0.5 * (halves[0][0] + halves[1][0]); 3], halves };
+            plain += displayed(fresh.whole[0]) / 4096.0;
+            corrected += fresh.displayed(0) / 4096.0;
+        }
+        // From binomial distributions of 8 and of 4, where the truth is 0.5: 0.4604 and 2 * 0.4604 - 0.4046, to five standard
+        // errors of no more than 0.004.
+        assert!((plain - 0.4604).abs() < 0.02, "{plain}");
+        assert!((corrected - 0.5162).abs() < 0.02, "{corrected}");
+    }
+
+    #[test]
+    fn what_was_not_seen_widens_the_upper_end_alone() {
+        let mut values = vec![1.0; 1000];
+        let noise = estimate_squares(&values);
+        // None is larger than any other: one more of the same.
+        assert_eq!((noise.reached, noise.low), (1.0, 1.0));
+        assert!((noise.high.powi(2) - 1.001).abs() < 1e-9, "{noise:?}");
+        // Pareto of index 2: a value of 2 times the largest on average.
+        values = (1..=1000).map(|rank| (f64::from(rank) / 1000.0).powf(-0.5)).collect();
+        let tail = unseen(&values) * 1000.0 / values[0];
+        assert!((tail - 2.0).abs() < 0.4, "{tail}");
+        assert_eq!(unseen(&[0.0; 100]), 0.0);
     }
 
     /// Of 200 pictures the intervals cover the truth in 180 to 199: of a binomial distribution of 95 % no more than
@@ -301,7 +411,9 @@ mod tests {
             assert_eq!(picks.len(), 256);
             let fresh: Vec<_> = picks
                 .iter()
-                .map(|p| [0, 1].map(|i| value(&random, p.pixel, 4 + 2 * u64::from(p.repeat) + i, 0.014)))
+                .map(|p| {
+                    [0, 1].map(|i| whole(value(&random, p.pixel, 4 + 2 * u64::from(p.repeat) + i, 0.014)))
+                })
                 .collect();
             let noise = estimate(&means, &picks, &fresh);
             let truth: f64 = means.iter().map(|m| (displayed(m[0]) - 0.5).powi(2)).sum::<f64>() / 1024.0;
@@ -347,7 +459,7 @@ mod tests {
             aovs: None,
         };
         let picks = pick(&picture, Effort::REPORT, random(1));
-        let noise = estimate(&means, &picks, &vec![[[0.5; 3]; 2]; picks.len()]);
+        let noise = estimate(&means, &picks, &vec![[whole([0.5; 3]); 2]; picks.len()]);
         assert_eq!(noise, Noise { reached: 0.0, low: 0.0, high: 0.0 });
     }
 }

@@ -28,8 +28,11 @@ const DEPTH: usize = 16;
 /// Numbers of samples, of two replicates, whose error is found.
 const SIZES: [u32; 5] = [2, 4, 8, 16, 32];
 
-/// Noise of a sample, relative to what it was found to be at a quarter of the samples, that is believed to go on for as much
-/// again: it grows where rare bright paths were hardly met, and falls where low-discrepancy points fill gaps.
+/// Logarithm of the noise of a sample over what it was at a quarter of the samples, before a scene has shown it, and its
+/// variance: it grows where rare bright paths were hardly met, and falls where low-discrepancy points fill gaps.
+const GROWTH: (f64, f64) = (-0.14, 0.04);
+
+/// Growths that are believed, and go on for as much again.
 const GROWTHS: std::ops::RangeInclusive<f64> = 0.8..=1.6;
 
 /// Replicates that neither pictures nor measurements of their noise use.
@@ -108,12 +111,18 @@ impl Scout {
         self.growth = self.growth();
     }
 
-    /// The last step of the noise of a sample.
+    /// What the noise of a sample is multiplied by at four times the samples: what pixels show, as far as it is more than chance.
     fn growth(&self) -> f64 {
-        let sum =
-            |size: usize| -> f64 { self.curves.iter().map(|curve| curve.weight * curve.noises[size]).sum() };
-        let growth = sum(SIZES.len() - 1) / sum(SIZES.len() - 3);
-        if growth.is_finite() { growth.clamp(*GROWTHS.start(), *GROWTHS.end()) } else { 1.0 }
+        let (before, after) = (SIZES.len() - 3, SIZES.len() - 1);
+        let sum = |value: &dyn Fn(&Curve) -> f64| -> f64 { self.curves.iter().map(value).sum() };
+        let [early, late] = [before, after].map(|size| sum(&|curve| curve.weight * curve.noises[size]));
+        let ratio = late / early;
+        let off =
+            |curve: &Curve| (curve.weight * (curve.noises[after] - ratio * curve.noises[before])).powi(2);
+        let (expected, believed) = GROWTH;
+        let gain = believed / (believed + sum(&off) / late.powi(2));
+        let growth = (expected + gain * (ratio.ln() - expected)).exp();
+        if growth.is_finite() { growth.clamp(*GROWTHS.start(), *GROWTHS.end()) } else { expected.exp() }
     }
 
     /// The pixels drawn so far, row by row.

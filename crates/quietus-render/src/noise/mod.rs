@@ -312,12 +312,13 @@ fn estimate_squares(values: &[f64]) -> Noise {
 /// Share of the values whose size tells how much larger there may be.
 const TAIL: f64 = 0.05;
 
-/// Inverse of a Pareto index: tails heavier than that have no variance, and no interval that is made from one.
-const HEAVIEST_TAIL: f64 = 0.5;
+/// Inverse of a Pareto index: tails heavier than that have hardly a mean.
+const HEAVIEST_TAIL: f64 = 0.8;
 
 /// What values that were not met may add to a mean: a share of 1/n is expected to lie beyond the largest of n (Good 1953, *The
-/// Population Frequencies of Species*), and comes to this on average where the largest values are the end of a Pareto
-/// distribution (Hill 1975, *A Simple General Approach to Inference About the Tail of a Distribution*).
+/// Population Frequencies of Species*). That one stands for them; what they exceed it by on average, the largest values say,
+/// taken for the end of a Pareto distribution (Hill 1975, *A Simple General Approach to Inference About the Tail of a
+/// Distribution*).
 fn unseen(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(|a, b| b.total_cmp(a));
@@ -325,7 +326,7 @@ fn unseen(values: &[f64]) -> f64 {
     let Some(&least) = sorted.get(tail).filter(|&&least| least > 0.0) else { return 0.0 };
     let logarithms: f64 = sorted[..tail].iter().map(|value| (value / least).ln()).sum();
     let heaviness = (logarithms / tail as f64).min(HEAVIEST_TAIL);
-    sorted[0] / (1.0 - heaviness) / sorted.len() as f64
+    sorted[0] * heaviness / (1.0 - heaviness) / sorted.len() as f64
 }
 
 #[cfg(test)]
@@ -377,13 +378,14 @@ mod tests {
     fn what_was_not_seen_widens_the_upper_end_alone() {
         let mut values = vec![1.0; 1000];
         let noise = estimate_squares(&values);
-        // None is larger than any other: one more of the same.
-        assert_eq!((noise.reached, noise.low), (1.0, 1.0));
-        assert!((noise.high.powi(2) - 1.001).abs() < 1e-9, "{noise:?}");
-        // Pareto of index 2: a value of 2 times the largest on average.
+        // None is larger than any other.
+        assert_eq!(noise.high, 1.0);
+        // Pareto of index 2: by as much as the largest again, on average.
         values = (1..=1000).map(|rank| (f64::from(rank) / 1000.0).powf(-0.5)).collect();
-        let tail = unseen(&values) * 1000.0 / values[0];
-        assert!((tail - 2.0).abs() < 0.4, "{tail}");
+        let excess = unseen(&values) * 1000.0 / values[0];
+        assert!((excess - 1.0).abs() < 0.2, "{excess}");
+        let noise = estimate_squares(&values);
+        assert!(noise.high / noise.reached > noise.reached / noise.low, "{noise:?}");
         assert_eq!(unseen(&[0.0; 100]), 0.0);
     }
 

@@ -340,6 +340,25 @@ fn the_added_camera_sees_the_whole_animation() {
 }
 
 #[test]
+fn pointers_to_nodes_are_followed_and_others_are_named() {
+    let mut document = triangle();
+    document["extensionsRequired"] = json!(["KHR_animation_pointer"]);
+    animate(&mut document, (0, "translation"), "LINEAR", &[0., 1.], &[0., 0., 0., 2., 0., 0.]);
+    animate(&mut document, (0, "translation"), "STEP", &[0.], &[0., 0., 0.]);
+    animate(&mut document, (0, "translation"), "STEP", &[0.], &[0., 0., 0.]);
+    let pointers = ["/nodes/0/translation", "/materials/0/emissiveFactor", "/materials/7/emissiveFactor"];
+    for (animation, pointer) in pointers.into_iter().enumerate() {
+        let extensions = json!({"KHR_animation_pointer": {"pointer": pointer}});
+        document["animations"][animation]["channels"][0]["target"] =
+            json!({"path": "pointer", "extensions": extensions});
+    }
+    let loaded = scene_file(&document).animated(0, [0.5; 2]).expect("a sound moment");
+    assert_eq!(loaded.scene.instances[0].to_world.translation.x, 1.0);
+    let named = loaded.warnings.iter().filter(|warning| warning.message.contains("emissiveFactor"));
+    assert_eq!(named.map(|warning| warning.message.contains("/materials/{}/")).collect::<Vec<_>>(), [true]);
+}
+
+#[test]
 fn faults_are_named() {
     let refuse = |fault: fn(&mut Value), expected: &str| {
         let mut document = triangle();

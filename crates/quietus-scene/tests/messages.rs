@@ -14,7 +14,7 @@ const FAULTS: &[Fault] = &[
     ("a newer version", |d| d["asset"] = json!({"version": "3.0"})),
     ("a newer minimum", |d| d["asset"] = json!({"version": "2.0", "minVersion": "2.1"})),
     ("required extension", |d| {
-        d["extensionsRequired"] = json!(["KHR_animation_pointer", "KHR_lights_punctual"])
+        d["extensionsRequired"] = json!(["EXT_lights_image_based", "KHR_lights_punctual"])
     }),
     ("wrong type", |d| d["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!("zero")),
     ("negative index", |d| d["nodes"][0]["mesh"] = json!(-1)),

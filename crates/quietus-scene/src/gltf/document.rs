@@ -12,6 +12,7 @@ use super::container;
 use super::extensions;
 use super::glossiness;
 use super::meshopt::{self, Filter, Mode};
+use super::pointer;
 use super::schema::{BufferView, Meshopt, Root};
 use super::variants;
 use crate::error::{ErrorKind, SceneError, Warnings};
@@ -46,6 +47,7 @@ impl<'a> Document<'a> {
         let parts = container::split(file, bytes)?;
         let mut root = container::parse(file, parts.json)?;
         root.materials.iter_mut().for_each(glossiness::rewrite);
+        root.animations.iter_mut().flat_map(|animation| &mut animation.channels).for_each(pointer::rewrite);
         if let Some(name) = variant {
             variants::choose(&mut root, name, file)?;
         }

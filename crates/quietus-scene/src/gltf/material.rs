@@ -1,13 +1,12 @@
-//! Materials and the textures they use.
+//! Materials.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::{Affine2, Mat2, Vec2, Vec3};
+use glam::Vec3;
 use quietus_trace::desc::{
-    Alpha, Anisotropy, ColorParam, Glass, Image, ImageTexture, Mapping, Material, MaterialId, Medium,
-    MediumId, MediumInterface, MetalRough, Roughness, ScalarParam, Surface, TexelFilter, Texels, Texture,
-    TextureId, ThinFilm, Wrap,
+    Alpha, Anisotropy, ColorParam, Glass, Image, Material, MaterialId, Medium, MediumId, MediumInterface,
+    MetalRough, Roughness, ScalarParam, Surface, Texels, Texture, TextureId, ThinFilm,
 };
 
 use super::document::Document;
@@ -20,7 +19,7 @@ type TextureKey = (usize, Encoding, u8, [u32; 6]);
 
 /// Collects the materials that are used, and only those.
 pub(super) struct Materials<'d, 'f> {
-    document: &'d Document<'f>,
+    pub(super) document: &'d Document<'f>,
     pub materials: Vec<Material>,
     pub textures: Vec<Texture>,
     pub media: Vec<Medium>,
@@ -30,11 +29,11 @@ pub(super) struct Materials<'d, 'f> {
     /// Which sets of texture coordinates of a mesh a material looks at, where they are not the first two.
     uv_sets: HashMap<MaterialId, [usize; 2]>,
     /// Those of the material at work, as far as it was read.
-    slots: [Option<usize>; 2],
-    texture_ids: HashMap<TextureKey, TextureId>,
-    pictures: Pictures<'d>,
+    pub(super) slots: [Option<usize>; 2],
+    pub(super) texture_ids: HashMap<TextureKey, TextureId>,
+    pub(super) pictures: Pictures<'d>,
     /// Stands in textures whose picture is still to come.
-    to_come: Arc<Image>,
+    pub(super) to_come: Arc<Image>,
 }
 
 impl<'d, 'f> Materials<'d, 'f> {
@@ -84,7 +83,7 @@ impl<'d, 'f> Materials<'d, 'f> {
 
     /// Where the material at work looks for the set `set` of texture coordinates: at the first or the second of those
     /// that meshes keep for it. `None` where both are taken.
-    fn slot(&mut self, set: usize) -> Option<u8> {
+    pub(super) fn slot(&mut self, set: usize) -> Option<u8> {
         let order = if set == 0 { [0, 1] } else { [1, 0] };
         let taken = order.into_iter().find(|&slot| self.slots[slot] == Some(set));
         let slot = taken.or_else(|| order.into_iter().find(|&slot| self.slots[slot].is_none()))?;
@@ -462,60 +461,6 @@ impl<'d, 'f> Materials<'d, 'f> {
         Ok(self.texture(info, Encoding::Linear, place)?.map(|texture| (texture, scale)))
     }
 
-    /// The texture that `info` at `place` refers to; none, with a warning, where it cannot be shown.
-    fn texture(
-        &mut self,
-        info: Option<&TextureInfo>,
-        encoding: Encoding,
-        place: &str,
-    ) -> Result<Option<TextureId>, SceneError> {
-        let Some(info) = info else { return Ok(None) };
-        let document = self.document;
-        let source =
-            document.get(&document.root.textures, info.index, "textures", &format!("{place}.index"))?;
-        let own = format!("textures[{}]", info.index);
-        let schema::TextureExtensions { basisu, webp } = &source.extensions;
-        let image = webp.as_ref().or(basisu.as_ref()).map(|other| other.source).or(source.source);
-        let Some(image) = image else {
-            document.warn(&own, "has no PNG, JPEG, WebP or KTX2 source: materials are drawn without it");
-            return Ok(None);
-        };
-        let transform = info.extensions.transform.as_ref();
-        let uv_set = transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord);
-        let Some(uv_set) = self.slot(uv_set) else {
-            let message = format!("uses TEXCOORD_{uv_set}, the third set of its material: it is left out");
-            document.warn(place, message);
-            return Ok(None);
-        };
-        let matrix = transform.map_or(Affine2::IDENTITY, affine);
-        if !matrix.is_finite() {
-            let place = format!("{place}.extensions.KHR_texture_transform");
-            return Err(document.invalid(&place, "expected finite numbers"));
-        }
-        let key = (info.index, encoding, uv_set, matrix.to_cols_array().map(f32::to_bits));
-        if let Some(&id) = self.texture_ids.get(&key) {
-            return Ok(Some(id));
-        }
-        let (wrap, filter) = sampler(document, source.sampler, &own)?;
-        let mapping = Mapping::Uv { set: uv_set, transform: matrix };
-        let to_come = Arc::clone(&self.to_come);
-        let texture = ImageTexture { image: to_come, wrap, filter, mapping, invert: false };
-        let id = self.push_texture(Texture::Image(texture));
-        self.pictures.ask(document, (image, &format!("{own}.source")), encoding, id)?;
-        self.texture_ids.insert(key, id);
-        Ok(Some(id))
-    }
-
-    /// Decodes the pictures of all textures.
-    pub(super) fn load_pictures(&mut self) -> Result<(), SceneError> {
-        std::mem::replace(&mut self.pictures, Pictures::new()).load(&mut self.textures)
-    }
-
-    fn push_texture(&mut self, texture: Texture) -> TextureId {
-        self.textures.push(texture);
-        TextureId(self.textures.len() as u32 - 1)
-    }
-
     fn ior(&self, ior: f32, place: &str) -> Result<f32, SceneError> {
         // The extension gives 0 the meaning of a Fresnel term of 1 everywhere, which a huge index has too.
         const ALWAYS_REFLECTS: f32 = 1e6;
@@ -560,39 +505,4 @@ fn default_material() -> Material {
         bump: None,
         alpha: Alpha::Opaque,
     }
-}
-
-/// Translation after rotation after scale, as KHR_texture_transform says; the rotation is counter-clockwise as
-/// seen, with v pointing down.
-fn affine(transform: &schema::TextureTransform) -> Affine2 {
-    let rotation = Mat2::from_angle(-transform.rotation);
-    let scale = Mat2::from_diagonal(Vec2::from_array(transform.scale));
-    Affine2::from_mat2_translation(rotation * scale, Vec2::from_array(transform.offset))
-}
-
-fn sampler(
-    document: &Document<'_>,
-    index: Option<usize>,
-    place: &str,
-) -> Result<([Wrap; 2], TexelFilter), SceneError> {
-    let Some(index) = index else { return Ok(Default::default()) };
-    let sampler = document.get(&document.root.samplers, index, "samplers", &format!("{place}.sampler"))?;
-    let wrap = |code: Option<u32>, name: &str| match code {
-        None | Some(10497) => Ok(Wrap::Repeat),
-        Some(33071) => Ok(Wrap::Clamp),
-        Some(33648) => Ok(Wrap::Mirror),
-        Some(code) => {
-            let message = format!("is {code}, expected 10497, 33071 or 33648");
-            Err(document.invalid(&format!("samplers[{index}].{name}"), message))
-        }
-    };
-    let filter = match sampler.mag_filter {
-        None | Some(9729) => TexelFilter::Linear,
-        Some(9728) => TexelFilter::Nearest,
-        Some(code) => {
-            let message = format!("is {code}, expected 9728 or 9729");
-            return Err(document.invalid(&format!("samplers[{index}].magFilter"), message));
-        }
-    };
-    Ok(([wrap(sampler.wrap_s, "wrapS")?, wrap(sampler.wrap_t, "wrapT")?], filter))
 }

@@ -1,5 +1,5 @@
 //! The reader of glTF 2.0: `container` and `schema` take a file apart, `document` holds it together with its
-//! buffers, `accessor` reads numbers, and `material`, `image`, `mesh`, `skin`, `hierarchy`, `animation` and `graph`
+//! buffers, `accessor` reads numbers, and `material`, `texture`, `image`, `mesh`, `skin`, `hierarchy`, `animation` and `graph`
 //! turn them into a `stage`: all that the file holds, from which the scene at any moment is made by `deform`.
 //!
 //! Units: glTF's lengths are metres; its photometric units are taken one to one as radiometric ones, so that 1 nit
@@ -24,10 +24,12 @@ mod keys;
 mod material;
 mod mesh;
 mod meshopt;
+mod pointer;
 mod schema;
 mod skin;
 pub(crate) mod sky;
 mod stage;
+mod texture;
 mod variants;
 
 use std::path::Path;

@@ -292,6 +292,20 @@ pub(super) struct Channel {
 pub(super) struct ChannelTarget {
     pub node: Option<usize>,
     pub path: String,
+    #[serde(default)]
+    pub extensions: ChannelTargetExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct ChannelTargetExtensions {
+    #[serde(rename = "KHR_animation_pointer")]
+    pub pointer: Option<Pointer>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Pointer {
+    pub pointer: String,
 }
 
 #[derive(Debug, Deserialize)]

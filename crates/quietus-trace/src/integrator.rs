@@ -42,6 +42,9 @@ const CAMERA_DIMENSIONS: u32 = 4;
 /// Dimension of the time at which the path is shot, where anything moves: the first of those that a vertex of depth
 /// 0 would take.
 const TIME_DIMENSION: u32 = CAMERA_DIMENSIONS;
+/// Dimension of the colour channel that a path goes on with where channels part: the next of those. So the samples of a
+/// pixel are spread evenly over channels.
+const CHANNEL_DIMENSION: u32 = TIME_DIMENSION + 1;
 /// Dimensions taken by a vertex, surface or medium: light (1), place on it (2), lobe (1), direction (2), roulette (1),
 /// and how far the path flies from there (1), which is drawn in scenes with media. What the vertex of depth 0, the
 /// camera, does not need of its block is the time's and the first flight's.
@@ -152,7 +155,7 @@ pub(crate) fn sample<I: Isa>(
         });
         let frame = path.frame(&hit, &surface);
         let mut bsdf = if scene.materials.disperses(surface.material) {
-            let channel = path.single_out(&hit, depth);
+            let channel = path.single_out();
             scene.materials.bsdf_of_channel(surface.material, &surface.surface, channel)
         } else {
             scene.materials.bsdf(surface.material, &surface.surface, path.coverage_key)
@@ -238,10 +241,11 @@ impl<I: Isa> Path<'_, I> {
     /// Goes on with one colour channel alone, because others part from it: chosen by what each carries, and weighted by
     /// one over its probability.
     #[cold]
-    fn single_out(&mut self, hit: &Hit, depth: u32) -> usize {
+    fn single_out(&mut self) -> usize {
         let sum = self.throughput.element_sum();
-        // A salt that no segment has.
-        let mut u = (self.bits(hit, !depth) >> 40) as f32 / (1u32 << 24) as f32 * sum;
+        self.sampler.start_dimension(CHANNEL_DIMENSION);
+        // Of no importance the next time: only one channel is left then.
+        let mut u = self.sampler.next_1d() * sum;
         let mut channel = self.throughput.max_position();
         for candidate in 0..3 {
             let carried = self.throughput[candidate];

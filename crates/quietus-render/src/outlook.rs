@@ -146,8 +146,8 @@ impl Outlook {
         self.scout.advance(tracer, self.window, most);
     }
 
-    /// What there will be in the end, without end while a noise was asked for and nobody knows; `None` where the share of
-    /// pixels that are done says more. `spent` seconds have been drawn.
+    /// What there will be in the end, without end where limits alone bring it or nobody knows; `None` where the share of pixels
+    /// that are done says more. `spent` seconds have been drawn.
     pub(crate) fn total(
         &mut self,
         elapsed: Duration,
@@ -169,7 +169,8 @@ impl Outlook {
     /// What was found last.
     pub(crate) fn known(&self) -> Option<Left> {
         let unknown = Left { samples: f64::INFINITY, seconds: f64::INFINITY, spread: 0.0 };
-        self.total.or(matches!(self.goal, Goal::Noise(_)).then_some(unknown))
+        // Pixels that are done in one round go on in the next.
+        self.total.or(matches!(self.goal, Goal::Noise(_) | Goal::Limits).then_some(unknown))
     }
 
     /// What is foreseen: samples in all, and seconds that are left.

@@ -23,7 +23,8 @@ pub const TIME_HEAD: &str = "\
 pub fn noise_row(scene: &str, asked: f64, runs: &[GoalRun]) -> String {
     let reported: Vec<[f64; 3]> = runs.iter().filter_map(|run| run.reported).collect();
     let covered = runs.iter().filter(|run| run.is_covered() == Some(true)).count();
-    let widths = reported.iter().map(|[reached, _, high]| high / reached - 1.0);
+    // Where no noise was found there is none to compare with.
+    let widths = reported.iter().filter(|r| r[0] > 0.0).map(|[reached, _, high]| high / reached - 1.0);
     let ratio = rms(runs.iter().map(|run| run.true_square)) / rms(reported.iter().map(|r| r[0] * r[0]));
     format!(
         "| {scene} | {} % | {} | {} | {} | {ratio:.3} | {covered} of {} ({:.1} %) | {:.0} % | {:.0} | {:.1} | {:.1} % | {} |",

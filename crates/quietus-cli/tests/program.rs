@@ -229,6 +229,7 @@ fn an_environment_takes_the_place_of_the_sky_made_up_for_dark_scenes() {
     };
     assert_eq!(said(""), format!("{camera}{sky}"));
     assert_eq!(said("--env sky.exr"), camera);
+    assert_eq!(said("--env none"), camera);
 }
 
 /// A triangle that moves by a unit along x, from 1 to 2 seconds; its first animation stands still.

@@ -1,11 +1,15 @@
 //! Benches: criterion's, the ray kernel against Embree, and whole pictures against Mitsuba.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Result, bail};
 
-use crate::run::{cargo, root, run, shared_scenes};
+use crate::profile_guided::{self, Package};
+use crate::run::{cargo, root, run, shared_scenes, target};
+
+/// Word that has `peers` measure what [`profile_guided`] builds.
+const PROFILE_GUIDED: &str = "--profile-guided";
 
 /// `peers`, `kernel`, or what goes to `cargo bench`.
 pub(crate) fn bench(arguments: &[String]) -> Result<()> {
@@ -28,9 +32,16 @@ fn peers(arguments: &[String]) -> Result<()> {
     let scenes = shared_scenes()?;
     let file = |path: &str| scenes.join(path).display().to_string();
     let drawn = ["veach-ajar/veach-ajar-local.pbrt", "bmw-m6/bmw-m6-local.pbrt"].map(file);
-    let mut command = cargo();
-    command.args(["run", "--release", "--manifest-path"]).arg(root().join("bench/peers/Cargo.toml"));
-    command.arg("--").arg("--python").arg(python);
+    let (flags, arguments): (Vec<_>, Vec<_>) = arguments.iter().partition(|a| *a == PROFILE_GUIDED);
+    let mut command = if flags.is_empty() {
+        let mut command = cargo();
+        let manifest = root().join("bench/peers/Cargo.toml");
+        command.args(["run", "--release", "--manifest-path"]).arg(manifest).arg("--");
+        command
+    } else {
+        Command::new(profile_guided::build(&Package { name: "quietus-bench-peers", draw: draw_as_peer })?)
+    };
+    command.arg("--python").arg(python);
     if !arguments.iter().any(|argument| argument.starts_with("--scenes")) {
         command.arg("--scenes").arg(["embedded", "lump", &drawn[0], &drawn[1]].join(","));
     }
@@ -40,10 +51,17 @@ fn peers(arguments: &[String]) -> Result<()> {
     run(command.args(arguments))
 }
 
+/// One measurement of `program`, as the comparison starts it.
+fn draw_as_peer(program: &Path, scene: Option<&str>, folder: &Path) -> Command {
+    let mut command = Command::new(program);
+    command.args(["ours", "--size=96", "--samples=16", "--max-depth=8", "--threads=1", "--folder"]);
+    command.arg(folder).arg(scene.unwrap_or("embedded"));
+    command
+}
+
 /// A virtual environment in the target folder.
 fn python_with_mitsuba() -> Result<PathBuf> {
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
-    let folder = target.join("mitsuba-venv");
+    let folder = target().join("mitsuba-venv");
     let python = folder.join("bin/python");
     if !python.exists() {
         run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;

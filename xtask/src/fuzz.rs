@@ -4,7 +4,7 @@ use std::fs;
 
 use anyhow::{Context, Result, bail};
 
-use crate::run::{cargo, root, run};
+use crate::run::{cargo, host, root, run};
 
 /// Coverage counters and comparisons as libFuzzer reads them. They are LLVM's own, so that neither a nightly toolchain
 /// nor cargo-fuzz is needed; without the address sanitizer, which is, what goes wrong outside of safe Rust shows only
@@ -77,12 +77,4 @@ pub(crate) fn fuzz(task: &Fuzz) -> Result<()> {
 
 fn stem(path: &std::path::Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-/// The triple of this machine.
-fn host() -> Result<String> {
-    let output = std::process::Command::new("rustc").arg("-vV").output().context("rustc does not start")?;
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    let host = text.lines().find_map(|line| line.strip_prefix("host: "));
-    Ok(host.context("rustc does not tell its host")?.to_owned())
 }

@@ -1,4 +1,5 @@
-//! One entry to everything a developer of Quietus does: `cargo xtask test`, `lint`, `bench`, `fuzz`, `measure`, `gallery`.
+//! One entry to everything a developer of Quietus does: `cargo xtask test`, `lint`, `bench`, `build`, `fuzz`, `measure`,
+//! `gallery`.
 
 mod bench;
 mod browser;
@@ -6,6 +7,7 @@ mod fuzz;
 mod gallery;
 mod lint;
 mod measure;
+mod profile_guided;
 mod run;
 mod test;
 
@@ -28,10 +30,12 @@ enum Task {
     Deny,
     /// `peers`: whole pictures against Mitsuba 3; `kernel`: rays against Embree 3; else criterion's benches
     Bench {
-        /// Passed on, for example `peers --turns 5`, or to `cargo bench`: `-p quietus --bench rebuild`
+        /// Passed on, for example `peers --turns 5 --profile-guided`, or to `cargo bench`: `-p quietus --bench rebuild`
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<String>,
     },
+    /// The program, optimised for what it does with a dozen scenes: the fastest there is
+    Build,
     /// Hostile files for every reader, with libFuzzer on a stable toolchain (see docs/fuzzing.md)
     Fuzz(fuzz::Fuzz),
     /// Measurements behind the figures in docs/measurements.md
@@ -51,6 +55,7 @@ fn main() -> anyhow::Result<()> {
         Task::Lint => lint::lint(),
         Task::Deny => lint::deny(),
         Task::Bench { arguments } => bench::bench(&arguments),
+        Task::Build => profile_guided::program(),
         Task::Fuzz(what) => fuzz::fuzz(&what),
         Task::Measure(what) => measure::measure(&what),
         Task::Gallery { what } => gallery::gallery(what),

@@ -20,6 +20,19 @@ pub(crate) fn shared_scenes() -> Result<PathBuf> {
         .with_context(|| format!("the scenes beside the repository are absent: {}", path.display()))
 }
 
+/// Where cargo puts what it builds.
+pub(crate) fn target() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
+}
+
+/// The triple of this machine.
+pub(crate) fn host() -> Result<String> {
+    let output = Command::new("rustc").arg("-vV").output().context("rustc does not start")?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let host = text.lines().find_map(|line| line.strip_prefix("host: "));
+    Ok(host.context("rustc does not tell its host")?.to_owned())
+}
+
 /// A cargo command in the repository.
 pub(crate) fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
@@ -58,9 +71,7 @@ impl Quietus {
     /// Builds it.
     pub(crate) fn build() -> Result<Self> {
         run(cargo().args(["build", "--release", "--package", "quietus-cli"]))?;
-        let target =
-            std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
-        let program = target.join("release/quietus").canonicalize().context("the program was not built")?;
+        let program = target().join("release/quietus").canonicalize().context("the program was not built")?;
         Ok(Self { program, scratch: tempfile::tempdir()? })
     }
 

@@ -114,8 +114,6 @@ pub(crate) struct Learnt {
     edge_calibration: Calibration,
     /// The mean squared errors of alpha, albedo and normal over those asked for, added up, by all that was measured.
     edge_square: Option<f64>,
-    /// The mean squared error of the picture that was looked at last, by all that was measured.
-    square: Option<f64>,
     /// The squared error falls as samples to the power of minus this.
     fall: f64,
     /// The same for alpha, albedo and normal.
@@ -136,7 +134,6 @@ impl Steering {
             calibration: Calibration::default(),
             edge_calibration: Calibration { ratio: 0.0, variance: EDGE_VARIANCE },
             edge_square: None,
-            square: None,
             fall: FIRST_FALL,
             edge_fall: FIRST_EDGE_FALL,
             before: None,
@@ -282,7 +279,6 @@ impl Steering {
         (self.learnt.measured, self.learnt.aovs) = (Some((noise, false)), measured.aovs);
         self.learn_edges(forecast);
         self.learnt.calibration.take(noise, forecast.square);
-        self.learnt.square = Some(self.learnt.calibration.square(forecast.square));
     }
 
     /// Learns how large the squared error of alpha, albedo and normal is, and how fast it falls.

@@ -15,6 +15,8 @@
 //! The whole reflects at most what arrives, and is reciprocal unless the coat has a normal of its own (which breaks
 //! the symmetry of cosines as every shading normal does: Veach 1997, section 5.3).
 
+mod layers;
+
 use std::f32::consts::FRAC_1_PI;
 
 use glam::{Vec2, Vec3};
@@ -27,12 +29,8 @@ use super::{
     ggx::Ggx,
     sheen::Sheen,
 };
-use crate::{frame::Frame, warp};
-
-/// F0 of the clear coat: an index of 1.5, as KHR_materials_clearcoat says.
-const COAT_F0: f32 = 0.04;
-/// The mean cosine of light from all sides: where a film's colour stands for its mean over angles.
-const MEAN_COSINE: f32 = 2.0 / 3.0;
+use crate::warp;
+use layers::{Coat, DielectricLayer, MEAN_COSINE};
 
 /// The model's parameters at one point, textures looked up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,28 +123,6 @@ pub struct MetalRough {
     sheen: Option<Sheen>,
     /// The layer on top.
     coat: Option<Coat>,
-}
-
-/// Reflection of the dielectric as one number, its largest channel, so that the layer below keeps its hue.
-#[derive(Clone, Copy, Debug)]
-struct DielectricLayer {
-    f0: Vec3,
-    f90: f32,
-    max_f0: f32,
-    recovered: f32,
-    film: Option<Film>,
-}
-
-/// A clear coat.
-#[derive(Clone, Copy, Debug)]
-struct Coat {
-    strength: f32,
-    /// Its lobe, `None` where perfectly smooth.
-    ggx: Option<Ggx>,
-    /// Its albedo for reflectance 1, by angle.
-    lobe_albedo: LobeAlbedo,
-    /// Its normal's frame in the frame of the base; `None` where they are the same.
-    frame: Option<Frame>,
 }
 
 /// What depends on `wo` alone.
@@ -424,113 +400,6 @@ impl MetalRough {
     #[inline]
     fn transmittance(&self, cos: f32) -> Vec3 {
         self.transmitted * (Vec3::ONE - self.dielectric.fresnel(cos))
-    }
-}
-
-impl DielectricLayer {
-    fn new(f0: Vec3, f90: f32, film: FilmParams, mean: SplitAlbedo) -> Self {
-        let max_f0 = f0.max_element();
-        let film = Film::new(film, f0);
-        let mut layer = Self { f0, f90, max_f0, recovered: 0.0, film };
-        let mut fresnel = mean_schlick(f0, Vec3::splat(f90));
-        if let Some(film) = film {
-            fresnel = film.over(fresnel, MEAN_COSINE);
-        }
-        layer.recovered = recovered(Vec3::splat(fresnel.max_element()), mean).x;
-        layer
-    }
-
-    /// Reflectance of a facet seen at cosine `cos`.
-    #[inline]
-    fn fresnel(&self, cos: f32) -> Vec3 {
-        let plain = self.f0.lerp(Vec3::splat(self.f90), schlick_weight(cos));
-        self.film.map_or(plain, |film| film.over(plain, cos))
-    }
-
-    /// Share of light that reaches the layer below.
-    #[inline]
-    fn pass(&self, e: SplitAlbedo) -> f32 {
-        let plain = e.left(self.max_f0, self.f90, self.recovered);
-        self.film.map_or(plain, |film| {
-            let filmed = e.left_by(film.albedo_bound(e), self.recovered);
-            (plain + (filmed - plain) * film.strength()).max(0.0)
-        })
-    }
-
-    /// At least the cosine-weighted mean of [`pass`](Self::pass), given that of albedos.
-    fn mean_pass(&self, mean: SplitAlbedo) -> f32 {
-        let plain = mean.left(self.max_f0, self.f90, self.recovered);
-        self.film.map_or(plain, |film| {
-            let filmed = mean.left_by(film.mean_bound(mean), self.recovered);
-            (plain + (filmed - plain) * film.strength()).max(0.0)
-        })
-    }
-}
-
-impl Coat {
-    fn new(p: &MetalRoughParams) -> Option<Self> {
-        if p.clearcoat <= 0.0 {
-            return None;
-        }
-        let frame = (p.clearcoat_normal != Vec3::Z).then(|| Frame::from_normal(p.clearcoat_normal));
-        let ggx = Ggx::from_roughness(p.clearcoat_roughness);
-        Some(Self { strength: p.clearcoat, ggx, lobe_albedo: LobeAlbedo::new(ggx), frame })
-    }
-
-    /// A direction in the coat's own frame.
-    #[inline]
-    fn local(&self, w: Vec3) -> Vec3 {
-        self.frame.map_or(w, |f| f.to_local(w))
-    }
-
-    /// A direction of the coat's frame in the base's.
-    #[inline]
-    fn to_base(self, w: Vec3) -> Vec3 {
-        self.frame.map_or(w, |f| f.to_world(w))
-    }
-
-    /// Share of light in direction `w` that passes to the base.
-    #[inline]
-    fn pass(&self, w: Vec3) -> f32 {
-        let cos = self.local(w).z;
-        // Behind its own horizon the coat reflects nothing.
-        if cos * w.z <= 0.0 {
-            return 1.0;
-        }
-        let e = self.lobe_albedo.at(cos);
-        let below = e.left(COAT_F0, 1.0, 0.0);
-        1.0 - self.strength * (1.0 - below)
-    }
-
-    /// Reflectance of a perfectly smooth coat.
-    #[inline]
-    fn reflectance(&self, wo: Vec3) -> f32 {
-        self.strength * (COAT_F0 + (1.0 - COAT_F0) * schlick_weight(self.local(wo).z.abs()))
-    }
-
-    /// Value and density of its lobe; `None` where it has none to offer.
-    #[inline]
-    fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> Option<(f32, f32)> {
-        let ggx = self.ggx?;
-        let (local_o, local_i) = (self.local(wo), self.local(wi));
-        if local_o.z <= 0.0 || local_i.z <= 0.0 {
-            return None;
-        }
-        let (cos, f, pdf) = reflect_lobe(ggx, local_o, local_i);
-        Some((self.strength * (COAT_F0 + (1.0 - COAT_F0) * schlick_weight(cos)) * f, pdf))
-    }
-
-    #[inline]
-    fn sample(self, ggx: Ggx, wo: Vec3, u: Vec2) -> Option<Vec3> {
-        let wo = self.local(wo);
-        let wi = reflect(wo, ggx.sample_visible(wo, u));
-        (wo.z > 0.0 && wi.z > 0.0).then(|| self.to_base(wi))
-    }
-
-    /// `wo` mirrored by a perfectly smooth coat.
-    fn mirrored(self, wo: Vec3) -> Option<Vec3> {
-        let local = self.local(wo);
-        (local.z > 0.0).then(|| self.to_base(mirror(-local)))
     }
 }
 

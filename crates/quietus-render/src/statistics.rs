@@ -58,7 +58,7 @@ pub struct LoggedRebuild {
 impl LoggedRebuild {
     /// In the units of the statistics.
     pub(crate) fn new(record: &RebuildRecord) -> Self {
-        let &RebuildRecord { region, generation, nanoseconds, nodes, active_pixels } = record;
+        let &RebuildRecord { region, generation, nanoseconds, nodes, active_pixels, .. } = record;
         Self { region, generation, nodes, active_pixels, milliseconds: nanoseconds as f64 * 1e-6 }
     }
 }

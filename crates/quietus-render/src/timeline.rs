@@ -83,7 +83,7 @@ impl Drop for Timeline {
 
 /// A tree was rebuilt by this thread just now.
 pub(crate) fn rebuilt(record: &RebuildRecord) {
-    let &RebuildRecord { region, generation, nanoseconds, nodes, active_pixels } = record;
+    let &RebuildRecord { region, generation, nanoseconds, nodes, active_pixels, .. } = record;
     tracing::event!(
         target: TIMELINE, Level::TRACE, nanoseconds, region, generation, nodes, active_pixels, "rebuild"
     );

@@ -7,9 +7,7 @@
 
 use std::{io::Write, sync::Mutex, thread};
 
-use quietus::{
-    AdaptiveSampling, DammertzMetric, ErrorMetric, PixelError, ReplicateMean, Settings, TILE_PIXELS, Visit,
-};
+use quietus::{AdaptiveSampling, PixelError, ReplicateMean, Settings, TILE_PIXELS, Visit};
 
 /// One sample of a picture that is noisy only around a ring. Values depend on pixel, replicate and index alone.
 fn trace(x: u32, y: u32, replicate: u8, index: u32) -> f32 {
@@ -27,7 +25,11 @@ fn trace(x: u32, y: u32, replicate: u8, index: u32) -> f32 {
 type FilmTile = [[(f32, u32); 2]; TILE_PIXELS];
 
 /// Draws what a visit asks for, and says how far off each pixel still is.
-fn draw(visit: &Visit<'_, '_>, film: &mut FilmTile) -> [PixelError; TILE_PIXELS] {
+fn draw(
+    sampling: &AdaptiveSampling,
+    visit: &Visit<'_, '_>,
+    film: &mut FilmTile,
+) -> [PixelError; TILE_PIXELS] {
     for work in visit.pixels() {
         let (sum, count) = &mut film[usize::from(work.pixel)][usize::from(work.replicate)];
         for index in work.samples {
@@ -38,13 +40,13 @@ fn draw(visit: &Visit<'_, '_>, film: &mut FilmTile) -> [PixelError; TILE_PIXELS]
     film.map(|pixel| {
         let means = pixel.map(|(sum, count)| [sum / count as f32; 3]);
         let replicate = |r: usize| ReplicateMean { count: pixel[r].1, channels: &means[r] };
-        DammertzMetric.pixel_error(&[replicate(0), replicate(1)])
+        sampling.pixel_error(&[replicate(0), replicate(1)])
     })
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (width, height) = (320, 200);
-    let settings = Settings { target_error: 0.01, max_samples: 1024, ..Settings::new(width, height) };
+    let settings = Settings { target_error: 0.001, max_samples: 1024, ..Settings::new(width, height) };
     let sampling = AdaptiveSampling::new(settings)?;
     let tiles = sampling.grid().tiles();
     // A lock per tile, which is always free: a tile is visited by one thread at a time.
@@ -54,7 +56,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             scope.spawn(|| {
                 let mut worker = sampling.worker();
                 while let Some(visit) = worker.next_visit() {
-                    let errors = draw(&visit, &mut film[visit.tile() as usize].lock().unwrap());
+                    let errors = draw(&sampling, &visit, &mut film[visit.tile() as usize].lock().unwrap());
                     visit.finish(&errors);
                 }
             });

@@ -70,12 +70,45 @@ pub struct ReplicateMean<'a> {
 }
 
 /// Turns the replicates of a pixel into its error.
+///
+/// [`AdaptiveSampling::pixel_error`](crate::AdaptiveSampling::pixel_error) uses the one that the policy is made for. One
+/// of your own must mean the same as that, in whatever unit and from whatever channels:
+///
+/// - for [`Policy::Quietus`](crate::Policy::Quietus), as [`SampleNoise`]: the *variance of one sample*, which does not
+///   change on average while samples come in. The policy divides by the numbers of samples itself; an error of the mean
+///   in its place, such as [`DammertzMetric`], ends sampling far too early;
+/// - for all others, as [`DammertzMetric`]: the *standard error of the mean*, which falls with the root of the number of
+///   samples, and is compared with [`Settings::target_error`](crate::Settings::target_error).
+///
+/// [`mean_and_standard_error`] is what both are made of:
+///
+/// ```
+/// use quietus::{ErrorMetric, PixelError, ReplicateMean, mean_and_standard_error};
+///
+/// /// Noise of linear light in one channel, for [`Policy::Quietus`](quietus::Policy::Quietus).
+/// struct LinearNoise;
+///
+/// impl ErrorMetric for LinearNoise {
+///     fn pixel_error(&self, replicates: &[ReplicateMean<'_>]) -> PixelError {
+///         let samples: u32 = replicates.iter().map(|replicate| replicate.count).sum();
+///         // NaN where fewer than two replicates hold samples: the pixel counts as rejected.
+///         let (_, standard_error) = mean_and_standard_error(replicates, 0);
+///         PixelError::from_f32((f64::from(samples) * standard_error.powi(2)) as f32)
+///     }
+/// }
+/// # let [a, b] = [[0.2], [0.4]];
+/// # let half = |channels| ReplicateMean { count: 8, channels };
+/// # assert_eq!(LinearNoise.pixel_error(&[half(&a), half(&b)]), PixelError::from_f32(0.16));
+/// # assert!(LinearNoise.pixel_error(&[half(&a), ReplicateMean { count: 0, channels: &b }]).is_rejected());
+/// ```
 pub trait ErrorMetric {
-    /// The error of a pixel from its replicates, at least two of which should hold samples.
+    /// The error of a pixel from its replicates, at least two of which should hold samples;
+    /// [`PixelError::REJECTED`] where they do not.
     fn pixel_error(&self, replicates: &[ReplicateMean<'_>]) -> PixelError;
 }
 
-/// The metric of Dammertz et al. 2010 for channels R, G, B and, optionally, alpha:
+/// The metric of Dammertz et al. 2010, for every policy but [`Policy::Quietus`](crate::Policy::Quietus), from linear
+/// channels R, G, B and, optionally, alpha:
 ///
 /// ```text
 /// e_p = (|I_r - A_r| + |I_g - A_g| + |I_b - A_b|) / sqrt(I_r + I_g + I_b)
@@ -87,6 +120,9 @@ pub trait ErrorMetric {
 /// With halves of equal counts `|I - A|` is the one-degree-of-freedom estimate of the standard error of I. For
 /// replicates of any number and any counts it is replaced by the estimate that it is a case of:
 /// `sqrt(sum_r n_r (m_r - I)^2 / ((R - 1) n))`.
+///
+/// # Panics
+/// Where a replicate with samples has fewer than three channels.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DammertzMetric;
 
@@ -122,7 +158,8 @@ pub const NOMINAL_SAMPLES: f64 = 64.0;
 /// near-black pixels finite. One part in a hundred of white is displayed as a tenth.
 const DARKEST: f64 = 0.01;
 
-/// The noise of a single sample of the pixel, as it is displayed: for channels R, G, B
+/// The noise of a single sample of the pixel, as it is displayed, for [`Policy::Quietus`](crate::Policy::Quietus): from
+/// linear channels R, G, B
 ///
 /// ```text
 /// v_p = n sum_c s_c^2 / (I_c + 0.01)
@@ -133,6 +170,9 @@ const DARKEST: f64 = 0.01;
 ///
 /// It belongs to the pixel and not to the number of its samples: neighbours that stopped at different numbers can
 /// be averaged. The policy `quietus` does, and divides by a pixel's own samples afterwards.
+///
+/// # Panics
+/// Where a replicate with samples has fewer than three channels.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SampleNoise;
 
@@ -151,7 +191,11 @@ impl ErrorMetric for SampleNoise {
     }
 }
 
-/// Mean of a channel over all replicates, and the standard error of that mean estimated from their differences.
+/// Mean of a channel over all replicates, and the standard error of that mean estimated from their differences. The mean
+/// is NaN where no replicate holds samples, the standard error where fewer than two do.
+///
+/// # Panics
+/// Where a replicate with samples lacks the channel.
 pub fn mean_and_standard_error(replicates: &[ReplicateMean<'_>], channel: usize) -> (f64, f64) {
     let sampled = || replicates.iter().filter(|r| r.count > 0);
     let value = |r: &ReplicateMean<'_>| f64::from(r.channels[channel]);

@@ -70,6 +70,7 @@ pub struct PassCounts {
 /// How pixels come to the minimum of samples, before anything is known of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum Approach {
     /// Each pass draws all of them, as the schedule of passes says (the talk, section 4.1).
     #[default]

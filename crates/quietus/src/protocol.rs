@@ -48,6 +48,7 @@ impl Mode {
 /// Why no more visits are dealt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
+#[non_exhaustive]
 pub enum Outcome {
     /// The picture is finished.
     Finished = 1,

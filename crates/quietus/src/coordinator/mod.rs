@@ -13,6 +13,7 @@ mod statistics;
 #[cfg(all(test, not(any(loom, shuttle))))]
 mod tests;
 mod visit;
+mod whole_passes;
 mod worker;
 
 pub use settings::{Checks, MAX_FRAME_PIXELS, Settings, SettingsError};
@@ -20,10 +21,11 @@ pub use start::Start;
 pub use state::{Paused, RegionState, SamplingState, StateError};
 pub use statistics::{RebuildRecord, Statistics};
 pub use visit::{PixelWork, Visit};
+pub use whole_passes::{WholePass, WholePasses};
 pub use worker::Worker;
 
 use crate::{
-    ErrorPlane, PixelError, RegionTree, Regions, TILE_PIXELS, TileGrid,
+    ErrorPlane, PixelError, RegionTree, Regions, ReplicateMean, TILE_PIXELS, TileGrid,
     active_mask::pixels,
     inspect::tree_svg,
     morton::morton_order,
@@ -138,6 +140,7 @@ impl AdaptiveSampling {
     }
 
     /// Makes a mistake in the protocol on purpose, for tests that must catch it.
+    #[doc(hidden)]
     #[cfg(any(test, loom, shuttle))]
     pub fn with_fault(mut self, fault: Option<crate::protocol::Fault>) -> Self {
         self.protocol = self.protocol.with_fault(fault);
@@ -149,6 +152,15 @@ impl AdaptiveSampling {
     pub fn observed_by(mut self, observer: impl Fn(&RebuildRecord) + Send + Sync + 'static) -> Self {
         self.observer = Some(Box::new(observer));
         self
+    }
+
+    /// The error of a pixel from its replicates, in the metric that the policy is made for ([`Policy::metric`]): channels are
+    /// linear red, green and blue, and may have alpha behind them.
+    ///
+    /// # Panics
+    /// Where a replicate with samples has fewer than three channels.
+    pub fn pixel_error(&self, replicates: &[ReplicateMean<'_>]) -> PixelError {
+        self.settings.policy.metric().pixel_error(replicates)
     }
 
     /// A handle for one of the renderer's threads.

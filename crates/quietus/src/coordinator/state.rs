@@ -14,8 +14,9 @@ use crate::{
 /// that goes on from it draws exactly what the one would have drawn that it is taken from.
 ///
 /// Tiles are in the order of [`TileGrid`](crate::TileGrid), 64 pixels each, row by row; *slots* are
-/// [`Mode::slots`](crate::Mode::slots) many, by the number of the pass.
+/// [`Mode::slots`](crate::Mode::slots) many, by the number of the pass. Fields may be added.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SamplingState {
     /// How far tiles and regions have come.

@@ -5,6 +5,7 @@ use crate::sync::{AtomicU64, CacheLine, Ordering};
 /// One rebuild of one region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct RebuildRecord {
     /// The region.
     pub region: u32,
@@ -21,6 +22,7 @@ pub struct RebuildRecord {
 /// What happened so far.
 #[derive(Clone, Debug, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub struct Statistics {
     /// Tile visits that drew samples.
     pub visits: u64,

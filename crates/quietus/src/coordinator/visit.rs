@@ -10,6 +10,7 @@ use crate::{
 
 /// Samples to draw for one replicate of one pixel.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct PixelWork {
     /// Column in the full frame.
     pub x: u32,
@@ -17,13 +18,14 @@ pub struct PixelWork {
     pub y: u32,
     /// Place in the tile, row by row: 0..64.
     pub pixel: u8,
-    /// Which replicate.
+    /// Which replicate: 0 or 1, unless [`Settings::replicates`](crate::Settings::replicates) asks for more.
     pub replicate: u8,
     /// Sample indices, which go on where the replicate's last visit ended.
     pub samples: Range<u32>,
 }
 
-/// A tile that one thread has to itself until it [`finish`](Self::finish)es.
+/// A tile that one thread has to itself until it [`finish`](Self::finish)es. A thread has one at a time: who wants to hold
+/// many uses [`WholePasses`](crate::WholePasses).
 ///
 /// Dropped unfinished, as happens where a renderer panics, it ends the sampling as
 /// [`Outcome::Abandoned`]: other threads would wait for it for ever.
@@ -85,25 +87,11 @@ impl<'w, 'a> Visit<'w, 'a> {
         })
     }
 
-    /// Hands over the errors of the tile's pixels, row by row, now that all of [`Self::pixels`] is drawn.
+    /// Hands over the errors of the tile's pixels, row by row in 8 columns also where the picture's edge cuts the tile
+    /// ([`PixelWork::pixel`] is the index), now that all of [`Self::pixels`] is drawn.
     /// Errors of pixels that were not to be drawn are not looked at; they keep what they had.
     pub fn finish(mut self, errors: &[PixelError; TILE_PIXELS]) {
-        let (sampling, turn) = (self.sampling(), self.turn);
-        let before = sampling.plane(turn.pass.saturating_sub(1));
-        let (mut merged, mut samples) = (before.load_tile(turn.tile), before.load_samples(turn.tile));
-        for pixel in active_mask::pixels(self.mask) {
-            let total = sampling.target_count(sampling.counts.pixel(turn.tile, pixel), turn.pass);
-            sampling.counts.advance(turn.tile, pixel, total);
-            (merged[usize::from(pixel)], samples[usize::from(pixel)]) = (errors[usize::from(pixel)], total);
-        }
-        let plane = sampling.plane(turn.pass);
-        plane.store_tile(turn.tile, &merged);
-        plane.store_samples(turn.tile, &samples);
-        sampling.protocol.finish(turn, true, |update| sampling.update(update));
-        if let FinishRule::AtRest(rest) = &sampling.finish {
-            // After the regions were told that something was drawn, so that who finds the errors at rest knows.
-            rest.end_drawing();
-        }
+        self.sampling().finish_visit(self.turn, self.mask, errors);
         self.is_finished = true;
     }
 
@@ -116,6 +104,27 @@ impl Drop for Visit<'_, '_> {
     fn drop(&mut self) {
         if !self.is_finished {
             self.sampling().protocol.end(Outcome::Abandoned);
+        }
+    }
+}
+
+impl AdaptiveSampling {
+    /// Ends a turn in which the pixels of `mask` were drawn.
+    pub(super) fn finish_visit(&self, turn: Turn, mask: u64, errors: &[PixelError; TILE_PIXELS]) {
+        let before = self.plane(turn.pass.saturating_sub(1));
+        let (mut merged, mut samples) = (before.load_tile(turn.tile), before.load_samples(turn.tile));
+        for pixel in active_mask::pixels(mask) {
+            let total = self.target_count(self.counts.pixel(turn.tile, pixel), turn.pass);
+            self.counts.advance(turn.tile, pixel, total);
+            (merged[usize::from(pixel)], samples[usize::from(pixel)]) = (errors[usize::from(pixel)], total);
+        }
+        let plane = self.plane(turn.pass);
+        plane.store_tile(turn.tile, &merged);
+        plane.store_samples(turn.tile, &samples);
+        self.protocol.finish(turn, true, |update| self.update(update));
+        if let FinishRule::AtRest(rest) = &self.finish {
+            // After the regions were told that something was drawn, so that who finds the errors at rest knows.
+            rest.end_drawing();
         }
     }
 }

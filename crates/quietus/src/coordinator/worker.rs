@@ -57,7 +57,7 @@ impl Drop for Worker<'_> {
 
 impl AdaptiveSampling {
     /// The pixels that are active and below the maximum of samples as a turn begins.
-    fn pixels_to_draw(&self, Turn { tile, pass }: Turn) -> u64 {
+    pub(super) fn pixels_to_draw(&self, Turn { tile, pass }: Turn) -> u64 {
         match self.check(tile, pass) {
             0 => 0,
             mask => self.due(tile, pass, self.below_maximum(tile, mask)),
@@ -65,7 +65,7 @@ impl AdaptiveSampling {
     }
 
     /// The pixels that a turn will draw; in free-running mode also announces that it will.
-    fn mask_to_draw(&self, turn: Turn) -> u64 {
+    pub(super) fn mask_to_draw(&self, turn: Turn) -> u64 {
         let mask = self.pixels_to_draw(turn);
         let FinishRule::AtRest(rest) = &self.finish else { return mask };
         if mask == 0 {
@@ -81,7 +81,7 @@ impl AdaptiveSampling {
     }
 
     /// Turns that draw nothing: their errors go over to this pass's plane.
-    fn skip(&self, skips: Skips<'_>) {
+    pub(super) fn skip(&self, skips: Skips<'_>) {
         // Where the previous visit drew nothing either, this pass's plane, which is also that of two passes
         // ago, holds the same errors already.
         if self.planes.len() > 1 {

@@ -26,6 +26,7 @@ use crate::{
 
 /// How sampling is steered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[non_exhaustive]
 pub enum Policy {
     /// Every pixel gets the maximum number of samples.
     Uniform,
@@ -38,10 +39,11 @@ pub enum Policy {
     /// The talk's tree, tiles drawn over the bounding rectangle of their active pixels as published practice
     /// does.
     Talk,
-    /// A tree that deals each pixel its number of samples, in proportion to the noise around it ([`QuotaRule`]).
+    /// A tree that deals each pixel its number of samples, in proportion to the noise around it. Its metric is
+    /// [`SampleNoise`].
     #[default]
     Quietus,
-    /// Counts from pilots of other pixels only, so that every pixel's mean is unbiased ([`UnbiasedRule`]).
+    /// Counts from pilots of other pixels only, so that every pixel's mean is unbiased.
     Unbiased,
 }
 
@@ -133,7 +135,7 @@ pub enum RuleMemory {
 }
 
 impl Policy {
-    /// The metric that the policy is meant for; a renderer may bring another.
+    /// The metric that the policy is made for. [`ErrorMetric`] says what one of the renderer's own must mean.
     pub fn metric(self) -> &'static (dyn ErrorMetric + Sync) {
         match self {
             Self::Quietus => &SampleNoise,
@@ -142,6 +144,7 @@ impl Policy {
     }
 
     /// The state of this policy in a region, before its first update: all pixels active.
+    #[doc(hidden)]
     pub fn rule(self, settings: &RuleSettings, region: u32) -> Box<dyn StoppingRule> {
         match self {
             Self::Uniform => Box::new(UniformRule { regions: settings.regions.clone() }),

@@ -129,7 +129,7 @@ pub(crate) fn write(
 }
 
 fn encode(file: impl Write, kind: Kind, header: &Header, body: &impl Serialize) -> io::Result<()> {
-    let mut hashed = Hashed { inner: file, hash: Xxh3::new() };
+    let mut hashed = Hashed { inner: file, hash: Xxh3::new(), failure: None };
     let header = serde_json::to_vec(header)?;
     hashed.write_all(MAGIC)?;
     hashed.write_all(&[kind as u8])?;
@@ -140,27 +140,37 @@ fn encode(file: impl Write, kind: Kind, header: &Header, body: &impl Serialize) 
     let compressed = postcard::to_io(body, compressed).map_err(io::Error::other)?;
     let frame = compressed.into_inner().map_err(io::IntoInnerError::into_error)?;
     frame.finish().map_err(io::Error::other)?;
+    if let Some(failure) = hashed.failure {
+        return Err(failure);
+    }
     let hash = hashed.hash.digest128();
     let mut file = hashed.inner;
     file.write_all(END)?;
     file.write_all(&hash.to_le_bytes())
 }
 
-/// Hashes what it passes on.
+/// Hashes what it passes on. Keeps a failure to itself until all is over: the encoder of LZ4 panics where it is written to
+/// after one, as buffers do when they are dropped.
 struct Hashed<W> {
     inner: W,
     hash: Xxh3,
+    failure: Option<io::Error>,
 }
 
 impl<W: Write> Write for Hashed<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.inner.write(bytes)?;
-        self.hash.update(&bytes[..written]);
-        Ok(written)
+        if self.failure.is_none() {
+            self.failure = self.inner.write_all(bytes).err();
+            self.hash.update(bytes);
+        }
+        Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.inner.flush()
+        if self.failure.is_none() {
+            self.failure = self.inner.flush().err();
+        }
+        Ok(())
     }
 }
 
@@ -260,4 +270,42 @@ fn read_u32(reader: &mut impl Read) -> Result<u32, ReadError> {
 pub fn sealed(bytes: &[u8]) -> Vec<u8> {
     let hash = xxhash_rust::xxh3::xxh3_128(bytes);
     [bytes, END, &hash.to_le_bytes()].concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A disk that is full after so many bytes.
+    struct Full(usize);
+
+    impl Write for Full {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            if self.0 == 0 {
+                return Err(io::ErrorKind::StorageFull.into());
+            }
+            let written = bytes.len().min(self.0);
+            self.0 -= written;
+            Ok(written)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_disk_that_fills_is_an_error_wherever_it_happens() {
+        // Does not compress, and fills several blocks.
+        let body: Vec<u64> = (0..30_000u64).map(|i| i.wrapping_mul(0x9e37_79b9_7f4a_7c15)).collect();
+        let header = Header::new(Identity::default());
+        let mut whole = Vec::new();
+        encode(&mut whole, Kind::Checkpoint, &header, &body).unwrap();
+        assert!(whole.len() > 200_000);
+        for room in (0..whole.len()).step_by(4999).chain([whole.len() - 1]) {
+            let error = encode(Full(room), Kind::Checkpoint, &header, &body).unwrap_err();
+            assert_eq!(error.kind(), io::ErrorKind::StorageFull, "room for {room} bytes");
+        }
+        encode(Full(whole.len()), Kind::Checkpoint, &header, &body).unwrap();
+    }
 }

@@ -138,6 +138,10 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
 
+    /// Draw this scene of a file that has several, by its name or number from 0; `quietus info` lists them.
+    #[arg(long = "scene", value_name = "NAME|N")]
+    pub scene_in_file: Option<String>,
+
     /// Draw the file's variant of this name (KHR_materials_variants); `quietus info` lists them.
     #[arg(long, value_name = "NAME")]
     pub variant: Option<String>,

@@ -335,6 +335,9 @@ fn fault_message(
     if let Some(camera) = &args.camera {
         flag("--camera ", camera.clone());
     }
+    if let Some(scene) = &args.scene_in_file {
+        flag("--scene ", scene.clone());
+    }
     if let Some(variant) = &args.variant {
         flag("--variant ", variant.clone());
     }

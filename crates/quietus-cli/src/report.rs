@@ -22,6 +22,7 @@ use crate::wishes::{filter_name, filter_parameters};
 #[derive(Serialize, Clone, Debug)]
 pub(crate) struct Settings {
     scene: String,
+    scene_in_file: Option<String>,
     variant: Option<String>,
     camera: String,
     camera_to_world: Option<[f32; 12]>,
@@ -67,6 +68,7 @@ impl Settings {
         let path = |path: &Path| path.display().to_string();
         Self {
             scene: args.scene.as_deref().map_or_else(|| "built-in".to_owned(), path),
+            scene_in_file: args.scene_in_file.clone(),
             variant: args.variant.clone(),
             camera: camera.to_owned(),
             camera_to_world: None,

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::path::Path;
 
-use quietus_scene::{Loaded, SceneFile};
+use quietus_scene::{Choice, Loaded, SceneFile};
 use quietus_trace::desc::{Environment, SceneDesc};
 
 use crate::args::RenderArgs;
@@ -40,10 +40,12 @@ impl Source {
     /// # Errors
     /// When a file cannot be read, or lacks the animation that is asked for.
     pub(crate) fn open(args: &RenderArgs, timeline: Option<&Timeline>) -> Result<Self, Failure> {
-        let mut file = match (args.scene.as_deref(), args.variant.as_deref()) {
-            (None, Some(_)) => return Err(Failure::usage("the built-in scene has no variants")),
-            (Some(path), Some(variant)) => Some(SceneFile::open_variant(path, variant)?),
-            (path, None) => path.map(SceneFile::open).transpose()?,
+        let choice = Choice { variant: args.variant.as_deref(), scene: args.scene_in_file.as_deref() };
+        let mut file = match args.scene.as_deref() {
+            None if choice != Choice::default() => {
+                return Err(Failure::usage("the built-in scene has neither variants nor other scenes"));
+            }
+            path => path.map(|path| SceneFile::open_choice(path, choice)).transpose()?,
         };
         if let (Some(file), Some([width, height])) = (&mut file, args.size)
             && width.min(height) > 0

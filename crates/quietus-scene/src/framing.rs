@@ -5,6 +5,9 @@ use quietus_trace::desc::{Camera, Geometry, SceneDesc};
 
 use crate::summary;
 
+mod subject;
+use subject::Subject;
+
 /// Camera space to world for a camera at `eye` that looks at `target`, +y up as far as that goes.
 pub(crate) fn look_at(eye: Vec3, target: Vec3) -> Affine3A {
     let back = (eye - target).normalize();
@@ -31,7 +34,12 @@ const SHAPES: [f32; 5] = [9.0 / 16.0, 3.0 / 4.0, 1.0, 4.0 / 3.0, 16.0 / 9.0];
 /// Keeps the outermost things off the picture's very edge.
 const MARGIN: f32 = 0.95;
 
-/// Looks for a camera that shows the whole of a scene, whatever happens in it.
+/// Whether a camera that frames `scene` leaves something out: backdrops that dwarf the rest, and crumbs far off.
+pub(crate) fn leaves_out(scene: &SceneDesc) -> bool {
+    !Subject::of(scene).is_everything()
+}
+
+/// Looks for a camera that shows the whole of a scene, or of what it is about, whatever happens in it.
 pub(crate) struct Framing {
     /// Near the things, so that differences of their coordinates keep their digits.
     center: Vec3,
@@ -46,12 +54,16 @@ pub(crate) struct Framing {
 impl Framing {
     /// Frames `scene`, in a picture of width over height `shape` or one that suits it.
     pub(crate) fn new(scene: &SceneDesc, shape: Option<f32>) -> Self {
-        let [low, high] = summary::bounds(scene).unwrap_or([Vec3::NEG_ONE, Vec3::ONE]);
+        let subject = Subject::of(scene);
+        let bounds =
+            summary::bounds_of(|see| summary::for_each_outermost(scene, |i, j| subject.has(i, j), see));
+        let empty = bounds[0].x > bounds[1].x;
+        let [low, high] = if empty { [Vec3::NEG_ONE, Vec3::ONE] } else { bounds };
         let shapes = shape.map_or(SHAPES.to_vec(), |shape| vec![shape]);
         let views = VIEWS.map(|direction| View::new(direction, shapes.len()));
-        let triangles = world_triangles(scene);
+        let triangles = world_triangles(scene, &subject);
         let mut framing = Self { center: 0.5 * (low + high), shapes, views, triangles };
-        if summary::bounds(scene).is_none() {
+        if empty {
             // There is nothing to see: as much of it as would fit into a cube.
             let Self { shapes, views, .. } = &mut framing;
             for view in views {
@@ -59,14 +71,18 @@ impl Framing {
                 view.include(high, shapes);
             }
         }
-        framing.include(scene);
+        framing.include_subject(scene, &subject);
         framing
     }
 
     /// Shows `scene`, too.
     pub(crate) fn include(&mut self, scene: &SceneDesc) {
+        self.include_subject(scene, &Subject::of(scene));
+    }
+
+    fn include_subject(&mut self, scene: &SceneDesc, subject: &Subject) {
         let Self { center, shapes, views, .. } = self;
-        summary::for_each_outermost(scene, &mut |point| {
+        summary::for_each_outermost(scene, |i, j| subject.has(i, j), &mut |point| {
             views.iter_mut().for_each(|view| view.include(point - *center, shapes));
         });
     }
@@ -162,13 +178,13 @@ fn slope() -> f32 {
 /// Most triangles that views are judged by.
 const MAX_JUDGED: usize = 1 << 20;
 
-/// The corners of every placed triangle, counter-clockwise seen from its front; of every n-th where there are more than
+/// The corners of every placed triangle of `subject`, counter-clockwise seen from its front; of every n-th where there are more than
 /// [`MAX_JUDGED`].
-fn world_triangles(scene: &SceneDesc) -> Vec<[Vec3; 3]> {
-    let meshes = scene.instances.iter().flat_map(|instance| {
-        let shapes = scene.objects[instance.object.0 as usize].shapes.iter();
-        shapes.filter_map(move |shape| match &shape.geometry {
-            Geometry::Mesh(mesh) => Some((instance, mesh)),
+fn world_triangles(scene: &SceneDesc, subject: &Subject) -> Vec<[Vec3; 3]> {
+    let meshes = scene.instances.iter().enumerate().flat_map(|(i, instance)| {
+        let shapes = scene.objects[instance.object.0 as usize].shapes.iter().enumerate();
+        shapes.filter_map(move |(j, shape)| match &shape.geometry {
+            Geometry::Mesh(mesh) if subject.has(i, j) => Some((instance, mesh)),
             _ => None,
         })
     });

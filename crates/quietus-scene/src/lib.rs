@@ -28,6 +28,7 @@ pub use embedded::embedded;
 pub use environment::{load_environment, load_environment_bytes};
 pub use error::{ErrorKind, SceneError, Warning};
 pub use fingerprint::{Fingerprint, files_read};
+pub use gltf::Choice;
 pub use nanovdb::NanoGrid;
 pub use scene_file::{Animation, SceneFile};
 pub use summary::{Summary, summary};

@@ -7,7 +7,7 @@ use quietus_trace::desc::Camera;
 
 use crate::Loaded;
 use crate::error::{ErrorKind, SceneError, Warning};
-use crate::gltf::{self, Moment, Stage};
+use crate::gltf::{self, Choice, Moment, Stage};
 use crate::pbrt;
 
 /// A scene file that was read: pictures, materials and meshes are in memory, and the scene can be asked for as it
@@ -48,20 +48,28 @@ impl SceneFile {
     pub fn open(path: &Path) -> Result<Self, SceneError> {
         Ok(Self(match pbrt::is_named_like(path) {
             true => Content::Pbrt(Box::new(pbrt::load(path)?)),
-            false => Content::Gltf(Box::new(GltfFile::new(gltf::open(path, None)?))),
+            false => Content::Gltf(Box::new(GltfFile::new(gltf::open(path, Choice::default())?))),
         }))
     }
 
-    /// As [`Self::open`], with meshes made of what they are made of in the variant `name`, see [`Self::variants`].
+    /// As [`Self::open`], with what `choice` says of several scenes and variants of materials.
     ///
     /// # Errors
-    /// As [`crate::load`]; where the file has no such variant.
-    pub fn open_variant(path: &Path, name: &str) -> Result<Self, SceneError> {
-        if pbrt::is_named_like(path) {
-            let message = format!("there is no variant \"{name}\": only glTF has variants of materials");
-            return Err(SceneError::new(ErrorKind::Unsupported, path, "", message));
+    /// As [`crate::load`]; where the file has no such scene or variant.
+    pub fn open_choice(path: &Path, choice: Choice<'_>) -> Result<Self, SceneError> {
+        if !pbrt::is_named_like(path) {
+            return Ok(Self(Content::Gltf(Box::new(GltfFile::new(gltf::open(path, choice)?)))));
         }
-        Ok(Self(Content::Gltf(Box::new(GltfFile::new(gltf::open(path, Some(name))?)))))
+        let message = match choice {
+            Choice { variant: None, scene: None } => return Self::open(path),
+            Choice { variant: Some(name), .. } => {
+                format!("there is no variant \"{name}\": only glTF has variants of materials")
+            }
+            Choice { scene: Some(name), .. } => {
+                format!("there is no scene \"{name}\": only glTF has several scenes in a file")
+            }
+        };
+        Err(SceneError::new(ErrorKind::Unsupported, path, "", message))
     }
 
     /// As [`Self::open`], with the file's content already in memory, see [`crate::load_bytes`].
@@ -92,6 +100,14 @@ impl SceneFile {
     pub fn animations(&self) -> &[Animation] {
         match &self.0 {
             Content::Gltf(file) => &file.animations,
+            Content::Pbrt(_) => &[],
+        }
+    }
+
+    /// The names of the scenes, in the order of the file; what has none is called by its number.
+    pub fn scenes(&self) -> &[String] {
+        match &self.0 {
+            Content::Gltf(file) => file.stage.scenes(),
             Content::Pbrt(_) => &[],
         }
     }

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use glam::Vec3;
-use quietus_trace::desc::{Geometry, Light, Material, Object, Quadric, SceneDesc};
+use quietus_trace::desc::{Geometry, Light, Material, Object, Quadric, SceneDesc, Shape};
 
 /// Counts and bounds of a scene, see [`summary`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -82,21 +82,31 @@ pub(crate) fn emits(material: &Material) -> bool {
 
 /// The world's bounding box, as [`for_each_outermost`] sees it.
 pub(crate) fn bounds(scene: &SceneDesc) -> Option<[Vec3; 2]> {
-    let bounds = bounds_of(|see| for_each_outermost(scene, see));
+    let bounds = bounds_of(|see| for_each_outermost(scene, |_, _| true, see));
     (bounds[0].x <= bounds[1].x).then_some(bounds)
 }
 
-/// The box around what `points` shows.
-fn bounds_of(points: impl FnOnce(&mut dyn FnMut(Vec3))) -> [Vec3; 2] {
+/// The box around `shape`, in its own space; its corners are the wrong way round where there is nothing.
+pub(crate) fn shape_bounds(shape: &Shape) -> [Vec3; 2] {
+    bounds_of(|see| for_each_point(shape, see))
+}
+
+/// The box around what `points` shows; its corners are the wrong way round where that is nothing.
+pub(crate) fn bounds_of(points: impl FnOnce(&mut dyn FnMut(Vec3))) -> [Vec3; 2] {
     let mut bounds = [Vec3::INFINITY, Vec3::NEG_INFINITY];
     points(&mut |point| bounds = [bounds[0].min(point), bounds[1].max(point)]);
     bounds
 }
 
-/// Shows points in the world whose hull holds all that is placed: vertices of meshes, and corners of boxes around
-/// other shapes. Of objects that are placed many times only the corners of the box around them are shown, so that the
-/// work does not grow as vertices times instances.
-pub(crate) fn for_each_outermost(scene: &SceneDesc, see: &mut dyn FnMut(Vec3)) {
+/// Shows points in the world whose hull holds all that is placed and wanted (`wants` is asked by the index of an instance and
+/// that of a shape of its object): vertices of meshes, and corners of boxes around other shapes. Of objects that are placed many
+/// times only the corners of the boxes around their shapes are shown, so that the work does not grow as vertices times
+/// instances.
+pub(crate) fn for_each_outermost(
+    scene: &SceneDesc,
+    wants: impl Fn(usize, usize) -> bool,
+    see: &mut dyn FnMut(Vec3),
+) {
     const MANY: u32 = 64;
     let mut times = vec![0_u32; scene.objects.len()];
     for instance in &scene.instances {
@@ -104,47 +114,48 @@ pub(crate) fn for_each_outermost(scene: &SceneDesc, see: &mut dyn FnMut(Vec3)) {
             *times = times.saturating_add(1);
         }
     }
-    let mut boxes = vec![None; scene.objects.len()];
-    for instance in &scene.instances {
+    let mut boxes = vec![Vec::new(); scene.objects.len()];
+    for (i, instance) in scene.instances.iter().enumerate() {
         let index = instance.object.0 as usize;
         let Some(object) = scene.objects.get(index) else { continue };
-        let mut place = |point: Vec3| see(instance.to_world.transform_point3(point));
-        if times[index] <= MANY {
-            for_each_point(object, &mut place);
-            continue;
+        let many = times[index] > MANY;
+        if many && boxes[index].is_empty() {
+            boxes[index] = object.shapes.iter().map(shape_bounds).collect();
         }
-        let [low, high] = *boxes[index].get_or_insert_with(|| bounds_of(|see| for_each_point(object, see)));
-        if low.x <= high.x {
-            corners(low, high).for_each(place);
+        for (j, shape) in object.shapes.iter().enumerate().filter(|(j, _)| wants(i, *j)) {
+            let mut place = |point: Vec3| see(instance.to_world.transform_point3(point));
+            match boxes[index].get(j) {
+                None => for_each_point(shape, &mut place),
+                Some([low, high]) if low.x <= high.x => corners(*low, *high).for_each(place),
+                Some(_) => {}
+            }
         }
     }
 }
 
-/// Shows points of `object` whose hull holds it.
-fn for_each_point(object: &Object, see: &mut dyn FnMut(Vec3)) {
-    for shape in &object.shapes {
-        match &shape.geometry {
-            Geometry::Mesh(mesh) => {
-                let used = mesh.triangles.iter().flatten();
-                used.filter_map(|&i| mesh.positions.get(i as usize)).for_each(|&p| see(p));
-            }
-            Geometry::Sphere { center, radius } => {
-                let radius = Vec3::splat(*radius);
-                corners(*center - radius, *center + radius).for_each(&mut *see);
-            }
-            Geometry::Quadric(quadric) => {
-                let [low, high] = quadric_box(quadric);
-                corners(low, high).for_each(&mut *see);
-            }
-            Geometry::Patches(mesh) => {
-                let used = mesh.patches.iter().flatten();
-                used.filter_map(|&i| mesh.positions.get(i as usize)).for_each(|&p| see(p));
-            }
-            Geometry::Curves(curves) => {
-                for segment in &curves.segments {
-                    let half = Vec3::splat(0.5 * segment.widths[0].max(segment.widths[1]));
-                    segment.points.iter().flat_map(|&p| corners(p - half, p + half)).for_each(&mut *see);
-                }
+/// Shows points of `shape` whose hull holds it.
+fn for_each_point(shape: &Shape, see: &mut dyn FnMut(Vec3)) {
+    match &shape.geometry {
+        Geometry::Mesh(mesh) => {
+            let used = mesh.triangles.iter().flatten();
+            used.filter_map(|&i| mesh.positions.get(i as usize)).for_each(|&p| see(p));
+        }
+        Geometry::Sphere { center, radius } => {
+            let radius = Vec3::splat(*radius);
+            corners(*center - radius, *center + radius).for_each(&mut *see);
+        }
+        Geometry::Quadric(quadric) => {
+            let [low, high] = quadric_box(quadric);
+            corners(low, high).for_each(&mut *see);
+        }
+        Geometry::Patches(mesh) => {
+            let used = mesh.patches.iter().flatten();
+            used.filter_map(|&i| mesh.positions.get(i as usize)).for_each(|&p| see(p));
+        }
+        Geometry::Curves(curves) => {
+            for segment in &curves.segments {
+                let half = Vec3::splat(0.5 * segment.widths[0].max(segment.widths[1]));
+                segment.points.iter().flat_map(|&p| corners(p - half, p + half)).for_each(&mut *see);
             }
         }
     }

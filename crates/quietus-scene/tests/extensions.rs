@@ -6,6 +6,7 @@ mod common;
 use common::{add_accessor, data_uri, floats, read, read_ok, triangle};
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
 use proptest::prelude::*;
+use quietus_scene::Choice;
 use quietus_trace::desc::{
     Geometry, Mapping, MediumId, MediumInterface, Mesh, ScalarParam, SceneDesc, Surface, Texture, TextureId,
 };
@@ -418,7 +419,9 @@ fn variants_of_materials() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("chair.gltf");
     std::fs::write(&path, document.to_string()).expect("written");
-    let open = |name: &str| quietus_scene::SceneFile::open_variant(&path, name);
+    let open = |name: &str| {
+        quietus_scene::SceneFile::open_choice(&path, Choice { variant: Some(name), ..Choice::default() })
+    };
     for (variant, material) in [("day", "plain"), ("night", "dark")] {
         let file = open(variant).expect("sound");
         assert_eq!(file.variants(), ["day", "night"]);
@@ -428,6 +431,34 @@ fn variants_of_materials() {
     }
     let error = open("dusk").expect_err("there is none").to_string();
     assert!(error.contains("there is no variant \"dusk\", expected \"day\", \"night\""), "{error}");
+}
+
+#[test]
+fn scenes_by_name_and_number() {
+    let mut document = triangle();
+    document["scenes"] = json!([{"name": "kitchen", "nodes": [0]}, {"nodes": [1, 2]}]);
+    document["nodes"] = json!([{"mesh": 0}, {"mesh": 0}, {"mesh": 0, "translation": [1, 0, 0]}]);
+    let said = "the file has the scenes \"kitchen\", \"1\": only scenes[0] is drawn";
+    let loaded = read_ok(&document);
+    assert!(loaded.warnings.iter().any(|warning| warning.message == said), "{:?}", loaded.warnings);
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("house.gltf");
+    std::fs::write(&path, document.to_string()).expect("written");
+    let open = |name| {
+        quietus_scene::SceneFile::open_choice(&path, Choice { scene: Some(name), ..Choice::default() })
+    };
+    for (name, instances) in [("kitchen", 1), ("0", 1), ("1", 2)] {
+        let file = open(name).expect("sound");
+        assert_eq!(file.scenes(), ["kitchen", "1"]);
+        let loaded = file.still().expect("sound");
+        assert_eq!(loaded.scene.instances.len(), instances, "{name}");
+        assert!(!loaded.warnings.iter().any(|warning| warning.place == "scenes"));
+    }
+    let error = open("2").expect_err("there is none").to_string();
+    assert!(
+        error.contains("there is no scene \"2\", expected \"kitchen\", \"1\", or a number below 2"),
+        "{error}"
+    );
 }
 
 /// A picture of 20 x 12 texels by the encoder of Basis Universal, and what its own transcoder makes of it.
@@ -535,7 +566,7 @@ fn any_two_sets_of_texture_coordinates() {
 #[test]
 fn nothing_has_a_camera() {
     let mut document = triangle();
-    document["meshes"][0]["primitives"][0]["mode"] = json!(0);
+    document["nodes"][0] = json!({});
     let loaded = read_ok(&document);
     assert!(loaded.scene.instances.is_empty());
     let to_world = loaded.scene.cameras[0].to_world;

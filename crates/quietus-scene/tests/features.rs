@@ -4,6 +4,7 @@ mod common;
 
 use common::{add_accessor, data_uri, floats, read, read_ok, triangle};
 use glam::{Vec2, Vec3, Vec4};
+use quietus_scene::Loaded;
 use quietus_trace::desc::{
     Alpha, Camera, FrameAxis, Geometry, ImageTexture, Light, Mapping, Mesh, MetalRough, Projection,
     SceneDesc, Surface, TexelFilter, Texels, Texture, Wrap,
@@ -97,6 +98,58 @@ fn the_added_camera_looks_past_backs() {
     assert!(direction(&document).x < -0.1, "a front that looks to the left is seen from the left");
 }
 
+/// A cube of `size` metres around `center`, as positions of its triangles.
+fn cube(size: f32, center: Vec3) -> Vec<f32> {
+    let corner =
+        |i: u32| center + size * (Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) - 0.5);
+    let sides = [[0, 2, 1, 3], [4, 5, 6, 7], [0, 1, 4, 5], [2, 6, 3, 7], [0, 4, 2, 6], [1, 3, 5, 7]];
+    let triangles = sides.into_iter().flat_map(|[a, b, c, d]| [a, b, c, b, d, c]);
+    triangles.flat_map(|i| corner(i).to_array()).collect()
+}
+
+/// The added camera does not show a thing as a speck for the sake of the ground it stands on, or of one that is lost.
+#[test]
+fn the_added_camera_shows_what_a_scene_is_about() {
+    let thing = cube(1.0, Vec3::ZERO);
+    let plane = |size: f32| {
+        let [a, b, c, d] = [[-size, 0., -size], [size, 0., -size], [-size, 0., size], [size, 0., size]];
+        [a, c, b, b, c, d].concat()
+    };
+    let with = |other: &[f32]| {
+        let mut document = triangle();
+        document["meshes"] = json!([]);
+        document["nodes"] = json!([]);
+        for (i, positions) in [&thing[..], other].into_iter().enumerate() {
+            let fields = json!({"componentType": 5126, "count": positions.len() / 3, "type": "VEC3"});
+            let accessor = add_accessor(&mut document, &floats(positions), fields);
+            let mesh = json!({"primitives": [{"attributes": {"POSITION": accessor}}]});
+            document["meshes"].as_array_mut().expect("an array").push(mesh);
+            document["nodes"].as_array_mut().expect("an array").push(json!({"mesh": i}));
+        }
+        document["scenes"][0]["nodes"] = json!([0, 1]);
+        read_ok(&document)
+    };
+    let said = |loaded: &Loaded| loaded.warnings.iter().any(|warning| warning.message.contains("backdrops"));
+    let thing_seen = |loaded: &Loaded| {
+        let points = thing.as_chunks::<3>().0.iter().map(|&point| Vec3::from_array(point));
+        common::outermost(&loaded.scene.cameras[0], points)
+    };
+    // A ground plane, and a crumb far off.
+    for other in [plane(500.0), cube(0.01, Vec3::new(300.0, 20.0, 40.0))] {
+        let loaded = with(&other);
+        let seen = thing_seen(&loaded);
+        assert!(said(&loaded) && (seen - 0.95).abs() < 1e-3, "{seen}");
+    }
+    // A table top and a second thing belong to the scene.
+    for other in [plane(2.0), cube(1.0, Vec3::new(30.0, 0.0, 0.0))] {
+        let loaded = with(&other);
+        let seen = thing_seen(&loaded);
+        assert!(!said(&loaded) && seen < 0.96, "{seen}");
+        let points = other.as_chunks::<3>().0.iter().map(|&point| Vec3::from_array(point));
+        assert!(common::outermost(&loaded.scene.cameras[0], points) < 0.951);
+    }
+}
+
 #[test]
 fn strips_and_fans() {
     let corners = [0., 0., 0., 1., 0., 0., 0., 1., 0., 1., 1., 0., 0., 2., 0.];
@@ -113,11 +166,36 @@ fn strips_and_fans() {
     }
 }
 
+/// About a pixel wide, in the colours of the vertices, and lit only where they have normals.
 #[test]
-fn points_and_lines_are_left_out() {
-    let mut document = triangle();
-    document["meshes"][0]["primitives"][0]["mode"] = json!(1);
-    warns(&document, "meshes: points and lines");
+fn points_and_lines_have_an_extent() {
+    for (mode, vertices, triangles) in [(0, 3 * 6, 3 * 8), (1, 8, 8), (2, 3 * 8, 3 * 8), (3, 2 * 8, 2 * 8)] {
+        let mut document = triangle();
+        document["nodes"][0]["scale"] = json!([10, 10, 10]);
+        let colors = floats(&[1., 0., 0., 0., 1., 0., 0., 0., 1.]);
+        let color =
+            add_accessor(&mut document, &colors, json!({"componentType": 5126, "count": 3, "type": "VEC3"}));
+        let primitive = &mut document["meshes"][0]["primitives"][0];
+        primitive["mode"] = json!(mode);
+        primitive["attributes"]["COLOR_0"] = json!(color);
+        if mode == 1 {
+            // The third vertex has no partner.
+            primitive["attributes"]["NORMAL"] = json!(0);
+        }
+        let loaded = read_ok(&document);
+        let mesh = mesh(&loaded.scene);
+        assert_eq!((mesh.positions.len(), mesh.triangles.len()), (vertices, triangles), "mode {mode}");
+        // The diagonal of the box in the world is 10 times that of the unit square, and so is the node's scale.
+        let radius = 0.5e-3 * 2.0_f32.sqrt();
+        let at_corner = mesh.positions.iter().zip(&mesh.colors).filter(|(_, color)| color.x == 1.0);
+        for (position, _) in at_corner {
+            assert!((position.length() - radius).abs() < 1e-6, "{position}");
+        }
+        let Surface::MetalRough(surface) = &loaded.scene.materials[0].surface else {
+            panic!("expected glTF's")
+        };
+        assert_eq!(surface.unlit, mode != 1);
+    }
 }
 
 #[test]

@@ -25,6 +25,9 @@ pub(crate) fn describe(file: &Path) -> Result<String, Failure> {
     for (index, Animation { name, seconds }) in file.animations().iter().enumerate() {
         text.push_str(&format!("\nanimation {index}  {name}, {seconds:.3} s"));
     }
+    if let scenes @ [_, _, ..] = file.scenes() {
+        scenes.iter().for_each(|name| text.push_str(&format!("\nscene        {name}")));
+    }
     for name in file.variants() {
         text.push_str(&format!("\nvariant      {name}"));
     }

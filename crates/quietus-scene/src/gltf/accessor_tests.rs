@@ -9,6 +9,7 @@ use proptest::prelude::*;
 use serde_json::json;
 
 use super::Component;
+use crate::gltf::Choice;
 use crate::gltf::document::Document;
 
 /// Reads accessor 0 over `bytes`, whose fields are as given.
@@ -32,8 +33,8 @@ fn read(
             "count": count, "type": kind}]
     })
     .to_string();
-    let document =
-        Document::open(Path::new("test.gltf"), text.as_bytes(), None).map_err(|e| e.to_string())?;
+    let document = Document::open(Path::new("test.gltf"), text.as_bytes(), Choice::default())
+        .map_err(|e| e.to_string())?;
     let kinds = ["SCALAR", "VEC2", "VEC3", "VEC4"];
     document.read_floats(0, "test", &kinds, [9.0; 4]).map_err(|e| e.to_string())
 }

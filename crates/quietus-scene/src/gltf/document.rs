@@ -8,6 +8,7 @@ use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
+use super::choice::{self, Choice};
 use super::container;
 use super::extensions;
 use super::glossiness;
@@ -41,16 +42,13 @@ pub(super) struct Document<'a> {
 }
 
 impl<'a> Document<'a> {
-    /// Takes apart the glTF file `bytes`, read from `file`, and fetches its buffers; meshes get their materials in
-    /// `variant`, if one is asked for.
-    pub(super) fn open(file: &'a Path, bytes: &'a [u8], variant: Option<&str>) -> Result<Self, SceneError> {
+    /// Takes apart the glTF file `bytes`, read from `file`, and fetches its buffers; it shows what `choice` says.
+    pub(super) fn open(file: &'a Path, bytes: &'a [u8], choice: Choice<'_>) -> Result<Self, SceneError> {
         let parts = container::split(file, bytes)?;
         let mut root = container::parse(file, parts.json)?;
         root.materials.iter_mut().for_each(glossiness::rewrite);
         root.animations.iter_mut().flat_map(|animation| &mut animation.channels).for_each(pointer::rewrite);
-        if let Some(name) = variant {
-            variants::choose(&mut root, name, file)?;
-        }
+        choice.apply(&mut root, file)?;
         let mut document = Self {
             file,
             root,
@@ -62,7 +60,7 @@ impl<'a> Document<'a> {
         document.decompressed.resize_with(document.root.buffer_views.len(), OnceCell::new);
         document.check_version()?;
         extensions::check(&document)?;
-        document.tell_variants(variant);
+        document.tell_choice(choice);
         let mut total = 0;
         for index in 0..document.root.buffers.len() {
             let data = document.buffer(index, parts.bin)?;
@@ -278,10 +276,16 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// Says which variants there are, where none was asked for.
-    fn tell_variants(&self, asked: Option<&str>) {
+    /// Says which scenes and variants there are, where none was asked for.
+    fn tell_choice(&self, choice: Choice<'_>) {
+        let scenes = choice::scene_names(&self.root);
+        if choice.scene.is_none() && scenes.len() > 1 {
+            let chosen = self.root.scene.unwrap_or(0);
+            let listed = variants::listed(&scenes);
+            self.warn("scenes", format!("the file has the scenes {listed}: only scenes[{chosen}] is drawn"));
+        }
         let names = variants::names(&self.root);
-        if asked.is_none() && !names.is_empty() {
+        if choice.variant.is_none() && !names.is_empty() {
             let listed = variants::listed(&names);
             let message = format!("the file has the variants {listed}: it is drawn as it is without any");
             self.warn("extensions.KHR_materials_variants", message);

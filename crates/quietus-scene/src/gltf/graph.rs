@@ -6,6 +6,7 @@ use glam::{Affine3A, Quat, Vec3};
 use quietus_trace::desc::{Camera, FrameAxis, Instance, Light, Projection, SpotFalloff};
 
 use super::animation;
+use super::choice;
 use super::document::Document;
 use super::hierarchy::Hierarchy;
 use super::material::Materials;
@@ -13,8 +14,9 @@ use super::mesh::{self, Figure};
 use super::schema::{self, Node};
 use super::skin::Skin;
 use super::stage::{Model, Stage};
+use super::strokes;
 use super::variants;
-use crate::error::SceneError;
+use crate::error::{SceneError, Warnings};
 
 /// Reads everything that the scene to be shown refers to.
 pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
@@ -39,14 +41,13 @@ pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
     reader.materials.load_pictures()?;
     let Reader { materials, figures, skins, models, cameras, lights, .. } = reader;
     let Materials { materials, textures, media, .. } = materials;
+    let scenes = choice::scene_names(&document.root);
     let variants = variants::names(&document.root);
-    let geometry_bytes = document.geometry_bytes();
-    let file = document.file().to_path_buf();
-    let warnings = document.into_warnings();
-    Ok(Stage {
-        file,
+    let mut stage = Stage {
+        file: document.file().to_path_buf(),
         hierarchy,
         clips,
+        scenes,
         variants,
         figures,
         skins,
@@ -56,9 +57,13 @@ pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
         materials,
         textures,
         media,
-        geometry_bytes,
-        warnings,
-    })
+        geometry_bytes: 0,
+        warnings: Warnings::default(),
+    };
+    strokes::thicken(&mut stage, &document)?;
+    stage.geometry_bytes = document.geometry_bytes();
+    stage.warnings = document.into_warnings();
+    Ok(stage)
 }
 
 struct Reader<'d, 'f> {

@@ -140,10 +140,6 @@ fn roots(document: &Document<'_>) -> Result<Vec<(usize, String)>, SceneError> {
         return Ok((0..root.nodes.len()).filter(is_root).map(|i| (i, format!("nodes[{i}]"))).collect());
     }
     let scene = document.get(&root.scenes, chosen, "scenes", "scene")?;
-    if root.scenes.len() > 1 {
-        let message = format!("the file has {} scenes: only scenes[{chosen}] is drawn", root.scenes.len());
-        document.warn("scenes", message);
-    }
     let place = |(i, &node): (usize, &usize)| (node, format!("scenes[{chosen}].nodes[{i}]"));
     Ok(scene.nodes.iter().enumerate().map(place).collect())
 }

@@ -25,7 +25,8 @@ pub(super) struct Materials<'d, 'f> {
     pub media: Vec<Medium>,
     /// What is inside of things of a material.
     interiors: HashMap<MaterialId, MediumId>,
-    ids: HashMap<Option<usize>, MaterialId>,
+    /// By their index in the file, and whether they are for points and lines that are not lit.
+    ids: HashMap<(Option<usize>, bool), MaterialId>,
     /// Which sets of texture coordinates of a mesh a material looks at, where they are not the first two.
     uv_sets: HashMap<MaterialId, [usize; 2]>,
     /// Those of the material at work, as far as it was read.
@@ -58,20 +59,29 @@ impl<'d, 'f> Materials<'d, 'f> {
         }
     }
 
-    /// Material `index`, referred to from `place`; glTF's default material where there is none.
-    pub(super) fn get(&mut self, index: Option<usize>, place: &str) -> Result<MaterialId, SceneError> {
-        if let Some(&id) = self.ids.get(&index) {
+    /// Material `index`, referred to from `place`; glTF's default material where there is none. Where it is to be `flat` it
+    /// is not lit, and shows the sum of base colour and emission.
+    pub(super) fn get(
+        &mut self,
+        index: Option<usize>,
+        flat: bool,
+        place: &str,
+    ) -> Result<MaterialId, SceneError> {
+        if let Some(&id) = self.ids.get(&(index, flat)) {
             return Ok(id);
         }
         self.slots = [None; 2];
         let id = match index {
             Some(index) => {
                 let source = self.document.get(&self.document.root.materials, index, "materials", place)?;
-                self.convert(source, index)?
+                match flat {
+                    false => self.convert(source, index)?,
+                    true => self.convert(&flattened(source), index)?,
+                }
             }
-            None => self.push(default_material()),
+            None => self.push(default_material(flat)),
         };
-        self.ids.insert(index, id);
+        self.ids.insert((index, flat), id);
         self.uv_sets.insert(id, [0, 1].map(|slot| self.slots[slot].unwrap_or(slot)));
         Ok(id)
     }
@@ -494,11 +504,36 @@ impl<'d, 'f> Materials<'d, 'f> {
     }
 }
 
-/// The material of primitives without one.
-fn default_material() -> Material {
+/// `source` as it is without being lit. Of textures that of the base colour alone is kept.
+fn flattened(source: &schema::Material) -> schema::Material {
+    let [r, g, b, a] = source.pbr_metallic_roughness.base_color_factor;
+    let strength = source.extensions.emissive_strength.emissive_strength;
+    let [red, green, blue] = match source.emissive_texture {
+        None => source.emissive_factor.map(|factor| factor * strength),
+        Some(_) => [0.0; 3],
+    };
+    schema::Material {
+        name: source.name.clone(),
+        pbr_metallic_roughness: schema::MetallicRoughness {
+            base_color_factor: [(r + red).min(1.0), (g + green).min(1.0), (b + blue).min(1.0), a],
+            base_color_texture: source.pbr_metallic_roughness.base_color_texture.clone(),
+            ..schema::MetallicRoughness::default()
+        },
+        alpha_mode: source.alpha_mode.clone(),
+        alpha_cutoff: source.alpha_cutoff,
+        extensions: schema::MaterialExtensions {
+            unlit: Some(serde::de::IgnoredAny),
+            ..schema::MaterialExtensions::default()
+        },
+        ..schema::Material::default()
+    }
+}
+
+/// The material of primitives without one, lit or `flat`.
+fn default_material(flat: bool) -> Material {
     Material {
         name: "default".to_owned(),
-        surface: Surface::MetalRough(Box::default()),
+        surface: Surface::MetalRough(Box::new(MetalRough { unlit: flat, ..MetalRough::default() })),
         emission: ColorParam::constant(Vec3::ZERO),
         emission_two_sided: false,
         normal_map: None,

@@ -11,13 +11,14 @@ use super::draco::Compressed;
 use super::material::Materials;
 use super::schema::{self, Primitive};
 use super::skin::Influences;
+use super::strokes::Strokes;
 use crate::error::SceneError;
 
 /// A mesh of the file.
 #[derive(Clone, Debug)]
 pub(super) struct Figure {
     pub name: String,
-    /// The primitives that have triangles.
+    /// The primitives that have triangles, points or lines.
     pub parts: Vec<Part>,
     /// Weights of its morph targets where nothing else is said.
     pub weights: Vec<f32>,
@@ -35,6 +36,16 @@ pub(super) struct Part {
     pub targets: Vec<Target>,
     /// How it hangs on joints; empty where it does not.
     pub influences: Influences,
+    /// Points or lines, until they have triangles around them.
+    pub strokes: Option<Strokes>,
+}
+
+/// A primitive as it was read, without its morph targets.
+struct Rest {
+    mesh: Mesh,
+    material: MaterialId,
+    influences: Influences,
+    strokes: Option<Strokes>,
 }
 
 /// Reads mesh `index`, referred to from `place`; how it hangs on joints only where it is `skinned`.
@@ -56,14 +67,11 @@ pub(super) fn figure(
             let message = format!("has {found} morph targets, expected {expected} as in the first primitive");
             return Err(document.invalid(&place, message));
         }
-        let Some((mesh, influences, material)) =
-            read_primitive(document, materials, primitive, skinned, &place)?
-        else {
-            continue;
-        };
+        let rest = read_primitive(document, materials, primitive, skinned, &place)?;
+        let Some(Rest { mesh, material, influences, strokes }) = rest else { continue };
         let targets = targets(document, primitive, &mesh, &place)?;
         let media = materials.media_of(material);
-        parts.push(Part { mesh: Arc::new(mesh), material, media, targets, influences });
+        parts.push(Part { mesh: Arc::new(mesh), material, media, targets, influences, strokes });
     }
     let name = if mesh.name.is_empty() { own } else { mesh.name.clone() };
     Ok(Figure { name, parts, weights })
@@ -158,23 +166,20 @@ fn influences(read: &Attributes<'_, '_>) -> Result<Influences, SceneError> {
     Ok(influences)
 }
 
-/// Reads a primitive, and how it hangs on joints where it is `skinned`; `None`, with a warning, where it has no
-/// triangles.
+/// Reads a primitive, and how it hangs on joints where it is `skinned`; `None`, with a warning, where it has nothing
+/// to draw.
 fn read_primitive(
     document: &Document<'_>,
     materials: &mut Materials<'_, '_>,
     primitive: &Primitive,
     skinned: bool,
     place: &str,
-) -> Result<Option<(Mesh, Influences, MaterialId)>, SceneError> {
+) -> Result<Option<Rest>, SceneError> {
     let topology = match primitive.mode {
+        0..=3 => Topology::Strokes,
         4 => Topology::Triangles,
         5 => Topology::Strip,
         6 => Topology::Fan,
-        0..=3 => {
-            document.warn("meshes", "points and lines are not drawn: primitives made of them are left out");
-            return Ok(None);
-        }
         mode => return Err(document.invalid(&format!("{place}.mode"), format!("is {mode}, expected 0 to 6"))),
     };
     let attributes = &primitive.attributes;
@@ -191,16 +196,20 @@ fn read_primitive(
     };
     let read = Attributes { document, attributes, place: &own, count, compressed: compressed.as_ref() };
     let mut mesh = read.rest_shape()?;
-    let material = materials.get(primitive.material, &format!("{place}.material"))?;
+    // Points and lines without normals are not lit (specification, section 3.7.2.1).
+    let flat = topology == Topology::Strokes && !attributes.contains_key("NORMAL");
+    let material = materials.get(primitive.material, flat, &format!("{place}.material"))?;
     mesh.uvs = read.uvs(materials.uv_sets(material))?;
     let (corners, topology) = match &compressed {
         Some(compressed) => (Some(compressed.corners()), Topology::Triangles),
         None => (None, topology),
     };
-    mesh.triangles = triangles(document, primitive, corners, topology, count, place)?;
+    let indices = indices(document, primitive, corners, count, place)?;
+    let strokes = (topology == Topology::Strokes).then(|| Strokes::new(primitive.mode, indices.clone()));
+    mesh.triangles = triangles(document, &indices, topology, place)?;
     read.add_directions(&mut mesh)?;
     let influences = if skinned { influences(&read)? } else { Influences::default() };
-    Ok((!mesh.triangles.is_empty()).then_some((mesh, influences, material)))
+    Ok((!indices.is_empty()).then_some(Rest { mesh, material, influences, strokes }))
 }
 
 /// Reads attributes of one primitive, or of one of its morph targets.
@@ -289,20 +298,21 @@ impl Attributes<'_, '_> {
 /// How indices make triangles (specification, section 3.7.2.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Topology {
+    /// They make points or lines.
+    Strokes,
     Triangles,
     Strip,
     Fan,
 }
 
-/// The triangles over `vertices` vertices whose corners were `decoded`, or are listed by the primitive at `place`.
-fn triangles(
+/// Indices of `vertices` vertices that were `decoded`, or are listed by the primitive at `place`.
+fn indices(
     document: &Document<'_>,
     primitive: &Primitive,
     decoded: Option<Vec<u32>>,
-    topology: Topology,
     vertices: usize,
     place: &str,
-) -> Result<Vec<[u32; 3]>, SceneError> {
+) -> Result<Vec<u32>, SceneError> {
     let (indices, place) = match (decoded, primitive.indices) {
         (Some(corners), _) => (corners, place.to_owned()),
         (None, Some(index)) => {
@@ -319,13 +329,24 @@ fn triangles(
         let message = format!("index {at} is {}, but there are {vertices} vertices", indices[at]);
         return Err(document.invalid(&place, message));
     }
+    Ok(indices)
+}
+
+/// The triangles that `indices` make.
+fn triangles(
+    document: &Document<'_>,
+    indices: &[u32],
+    topology: Topology,
+    place: &str,
+) -> Result<Vec<[u32; 3]>, SceneError> {
     let count = indices.len();
     if topology == Topology::Triangles && count % 3 != 0 {
-        return Err(document.invalid(&place, format!("{count} corners, expected a multiple of 3")));
+        return Err(document.invalid(place, format!("{count} corners, expected a multiple of 3")));
     }
-    document.claim_geometry(&place, count as u64 * size_of::<[u32; 3]>() as u64)?;
+    document.claim_geometry(place, count as u64 * size_of::<[u32; 3]>() as u64)?;
     let corners = indices.windows(3).enumerate();
     Ok(match topology {
+        Topology::Strokes => Vec::new(),
         Topology::Triangles => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
         // Every other triangle of a strip is turned, so that all face the same side.
         Topology::Strip => {

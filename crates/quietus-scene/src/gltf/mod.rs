@@ -6,11 +6,12 @@
 //! of `emissiveStrength` is a radiance of 1, 1 candela an intensity of 1 per steradian and 1 lux an irradiance of
 //! 1, and lights keep their proportions.
 //!
-//! Left out with a warning: points and lines, the range of lights, extensions that are not known. Left out without one, because paths make them obsolete: occlusion
+//! Left out with a warning: the range of lights, extensions that are not known. Left out without one, because paths make them obsolete: occlusion
 //! textures; because they only steer rasterisers: minification filters, clip planes, back-face culling.
 
 mod accessor;
 mod animation;
+mod choice;
 mod container;
 mod deform;
 mod document;
@@ -29,6 +30,7 @@ mod schema;
 mod skin;
 pub(crate) mod sky;
 mod stage;
+mod strokes;
 mod texture;
 mod variants;
 
@@ -37,8 +39,9 @@ use std::path::Path;
 use quietus_trace::desc::{Camera, SceneDesc, Shape};
 
 use crate::error::SceneError;
-use crate::framing::Framing;
+use crate::framing::{self, Framing};
 use crate::{Loaded, file};
+pub use choice::Choice;
 use document::Document;
 pub(crate) use stage::{Moment, Stage};
 
@@ -50,14 +53,14 @@ pub(crate) const PLAIN_SKY: &str =
 /// seconds, and between two of a fast one little can happen that the margin does not cover.
 const FRAMED_MOMENTS: u16 = 32;
 
-/// Reads the glTF file at `path`, with the materials of `variant` if one is asked for.
-pub(crate) fn open(path: &Path, variant: Option<&str>) -> Result<Stage, SceneError> {
-    graph::read(Document::open(path, &file::read(path)?, variant)?)
+/// Reads what `choice` says of the glTF file at `path`.
+pub(crate) fn open(path: &Path, choice: Choice<'_>) -> Result<Stage, SceneError> {
+    graph::read(Document::open(path, &file::read(path)?, choice)?)
 }
 
 /// Reads a glTF file whose content is `bytes`; `path` is for messages and to find the files beside it.
 pub(crate) fn open_bytes(path: &Path, bytes: &[u8]) -> Result<Stage, SceneError> {
-    graph::read(Document::open(path, bytes, None)?)
+    graph::read(Document::open(path, bytes, Choice::default())?)
 }
 
 /// The scene at `moment`, with what the file lacks: light, and the camera that `frame` makes.
@@ -71,7 +74,12 @@ pub(crate) fn shoot(
         if scene.instances.is_empty() {
             warnings.say("scenes", "there is nothing to draw: no triangles are placed in the scene");
         }
-        warnings.say("cameras", "the scene has no camera: one that frames it is added");
+        warnings.say("cameras", match framing::leaves_out(&scene) {
+            false => "the scene has no camera: one that frames it is added",
+            true => {
+                "the scene has no camera: one is added that frames it, but for backdrops that dwarf the rest and for specks far off"
+            }
+        });
         scene.cameras.push(frame()?);
     }
     if scene.lights.is_empty() && !has_lamps(&scene) {

@@ -96,6 +96,7 @@ impl Default for Spot {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Scene {
+    pub name: String,
     pub nodes: Vec<usize>,
 }
 

@@ -116,6 +116,12 @@ impl Influences {
         (Self { per_vertex, entries }, weightless)
     }
 
+    /// Those of vertices that are copies of the vertices `sources`.
+    pub(super) fn gather(&self, sources: &[u32]) -> Self {
+        let of = |&vertex: &u32| &self.entries[vertex as usize * self.per_vertex..][..self.per_vertex];
+        Self { per_vertex: self.per_vertex, entries: sources.iter().flat_map(of).copied().collect() }
+    }
+
     /// Whether vertices hang on no joints at all.
     pub(super) fn is_empty(&self) -> bool {
         self.entries.is_empty()

@@ -27,6 +27,8 @@ pub(crate) struct Stage {
     pub(super) file: PathBuf,
     pub(super) hierarchy: Hierarchy,
     pub(super) clips: Vec<Clip>,
+    /// Names of the file's scenes.
+    pub(super) scenes: Vec<String>,
     /// Names of the file's variants of materials.
     pub(super) variants: Vec<String>,
     pub(super) figures: HashMap<usize, Figure>,
@@ -75,6 +77,11 @@ impl Stage {
         self.clips.iter().map(|clip| (clip.name.as_str(), clip.seconds))
     }
 
+    /// Names of the file's scenes.
+    pub(crate) fn scenes(&self) -> &[String] {
+        &self.scenes
+    }
+
     /// Names of the file's variants of materials.
     pub(crate) fn variants(&self) -> &[String] {
         &self.variants
@@ -104,6 +111,11 @@ impl Stage {
         self.cameras.iter().for_each(|(slot, camera)| take.add_camera(*slot, camera));
         self.lights.iter().for_each(|(slot, light)| take.add_light(*slot, light));
         Ok((take.scene, take.warnings))
+    }
+
+    /// From nodes to the world in the rest pose, by slot.
+    pub(super) fn rest_worlds(&self) -> Result<Vec<Affine3A>, SceneError> {
+        Ok(self.pose(None)?.worlds)
     }
 
     fn pose(&self, at: Option<(&Clip, f32)>) -> Result<Pose, SceneError> {

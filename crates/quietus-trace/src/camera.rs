@@ -1,10 +1,13 @@
 //! The camera: a place on the film and a place on the lens become a ray.
 
+mod lenses;
+
 use std::f32::consts::PI;
 
 use glam::{Affine3A, Vec2, Vec3};
 use thiserror::Error;
 
+use self::lenses::LensSystem;
 use crate::desc::{self, FrameAxis};
 use crate::geometry::motion::Motion;
 use crate::light::equal_area_direction;
@@ -54,6 +57,28 @@ pub enum CameraError {
         /// What it said.
         lens_radius: f32,
     },
+    /// Lenses of which nothing is made.
+    #[error(
+        "camera \"{name}\": expected lenses with places that grow towards the front, sizes and indices above 0 and a \
+         film, through which light finds its way"
+    )]
+    Lenses {
+        /// The camera's name.
+        name: String,
+    },
+    /// A frame beside the axis by no finite number, or pixels without a width.
+    #[error(
+        "camera \"{name}\": the frame is shifted by {shift} with pixels {pixel_aspect} times as wide as high; expected \
+         finite numbers, the latter above 0"
+    )]
+    Frame {
+        /// The camera's name.
+        name: String,
+        /// What it said.
+        shift: Vec2,
+        /// What it said.
+        pixel_aspect: f32,
+    },
     /// A transform that scales, shears or is not finite, at either end of the shutter's time.
     #[error("camera \"{name}\": its transform is not a rotation with translation")]
     Transform {
@@ -75,18 +100,20 @@ pub struct Camera {
     to_world: Affine3A,
     motion: Option<Motion>,
     projection: Projection,
-    half_frame: Vec2,
+    /// Where the optical axis meets the film, in pixels.
+    center: Vec2,
     lens_radius: f32,
     focus_distance: f32,
+    lenses: Option<LensSystem>,
 }
 
 /// How places on the film become directions, with the sizes of pixels.
 #[derive(Clone, Copy, Debug)]
 enum Projection {
     /// Size of a pixel at distance 1 along the axis.
-    Perspective(f32),
+    Perspective(Vec2),
     /// Size of a pixel.
-    Orthographic(f32),
+    Orthographic(Vec2),
     /// Angles across one pixel: longitude and latitude.
     Spherical(Vec2),
     /// Size of the frame.
@@ -105,6 +132,8 @@ pub struct CameraRay {
     pub axis_cosine: f32,
     /// The cone that the pixel sees around the ray.
     pub cone: Cone,
+    /// Factor of the light that it brings: 1 but behind lenses, of which rims take some; 0 where there is no ray at all.
+    pub weight: f32,
 }
 
 /// A cone around a ray: how much of the world it stands for.
@@ -130,6 +159,13 @@ impl Camera {
         let frame = Vec2::new(width as f32, height as f32);
         let projection = projection(camera, frame)?;
         check_lens(camera)?;
+        let &desc::Camera { shift, pixel_aspect, .. } = camera;
+        if !(shift.is_finite() && pixel_aspect > 0.0 && pixel_aspect.is_finite()) {
+            return Err(CameraError::Frame { name: name(), shift, pixel_aspect });
+        }
+        let lenses = camera.lenses.as_ref().map(|lenses| {
+            LensSystem::new(lenses, frame.y).ok_or_else(|| CameraError::Lenses { name: name() })
+        });
         if !is_rigid(&camera.to_world) || !camera.end_to_world.as_ref().is_none_or(is_rigid) {
             return Err(CameraError::Transform { name: name() });
         }
@@ -142,17 +178,18 @@ impl Camera {
             to_world: camera.to_world,
             motion: motion.flatten(),
             projection,
-            half_frame: 0.5 * frame,
+            center: (0.5 - shift * Vec2::new(1.0, -1.0)) * frame,
             lens_radius: camera.lens_radius,
             // A pinhole may come without a distance; any one gives the same ray.
             focus_distance: if camera.lens_radius > 0.0 { camera.focus_distance } else { 1.0 },
+            lenses: lenses.transpose()?,
         })
     }
 
     /// Whether the lens has an extent.
     #[inline]
     pub(crate) fn has_lens(&self) -> bool {
-        self.lens_radius > 0.0
+        self.lens_radius > 0.0 || self.lenses.is_some()
     }
 
     /// Whether rays depend on the time.
@@ -166,42 +203,74 @@ impl Camera {
     #[inline]
     pub fn ray(&self, film: Vec2, lens: Vec2, time: f32) -> CameraRay {
         let to_world = self.motion.as_ref().map_or(self.to_world, |motion| motion.at(time));
-        let offset = (film - self.half_frame) * Vec2::new(1.0, -1.0);
-        let start = (lens * self.lens_radius).extend(0.0);
-        // A cone's radius is half a pixel across the ray, narrowed for all that samples of the pixel see of it.
-        let ray = match self.projection {
-            Projection::Perspective(pixel) => {
-                let focus = (offset * pixel).extend(-1.0) * self.focus_distance;
-                let local = (focus - start).normalize();
-                let cone = Cone { radius: 0.0, spread: NARROWED * 0.5 * pixel * -local.z };
-                CameraRay { origin: start, direction: local, axis_cosine: -local.z, cone }
-            }
-            Projection::Orthographic(pixel) => {
-                let place = (offset * pixel).extend(0.0);
-                let local = (Vec3::new(0.0, 0.0, -self.focus_distance) - start).normalize();
-                let cone = Cone { radius: NARROWED * 0.5 * pixel, spread: 0.0 };
-                CameraRay { origin: place + start, direction: local, axis_cosine: -local.z, cone }
-            }
-            Projection::Spherical(pixel) => {
-                let (longitude, latitude) = (offset.x * pixel.x, offset.y * pixel.y);
-                let (around, up) = (longitude.sin_cos(), latitude.sin_cos());
-                let direction = Vec3::new(around.0 * up.1, up.0, -around.1 * up.1);
-                let cone = Cone { radius: 0.0, spread: NARROWED * 0.5 * pixel.min_element() * up.1.abs() };
-                CameraRay { origin: Vec3::ZERO, direction, axis_cosine: 1.0, cone }
-            }
-            Projection::EqualArea(frame) => {
-                let map = equal_area_direction(wrap_square(film / frame));
-                let direction = Vec3::new(map.x, map.z, -map.y);
-                let pixel = (4.0 * PI / (frame.x * frame.y)).sqrt();
-                let cone = Cone { radius: 0.0, spread: NARROWED * 0.5 * pixel };
-                CameraRay { origin: Vec3::ZERO, direction, axis_cosine: 1.0, cone }
-            }
+        let offset = (film - self.center) * Vec2::new(1.0, -1.0);
+        let ray = match &self.lenses {
+            None => self.plain_ray(film, offset, lens),
+            Some(lenses) => self.ray_through(lenses, offset, lens),
         };
         CameraRay {
             origin: to_world.transform_point3(ray.origin),
             direction: to_world.transform_vector3(ray.direction).normalize(),
             ..ray
         }
+    }
+
+    /// The ray of a camera without lenses but a thin one, in the camera's space.
+    #[inline]
+    fn plain_ray(&self, film: Vec2, offset: Vec2, lens: Vec2) -> CameraRay {
+        let start = (lens * self.lens_radius).extend(0.0);
+        // A cone's radius is half a pixel across the ray, narrowed for all that samples of the pixel see of it.
+        match self.projection {
+            Projection::Perspective(pixel) => {
+                let focus = (offset * pixel).extend(-1.0) * self.focus_distance;
+                let direction = (focus - start).normalize();
+                let spread = NARROWED * 0.5 * pixel.min_element() * -direction.z;
+                CameraRay::new(start, direction, -direction.z, Cone { radius: 0.0, spread })
+            }
+            Projection::Orthographic(pixel) => {
+                let place = (offset * pixel).extend(0.0);
+                let direction = (Vec3::new(0.0, 0.0, -self.focus_distance) - start).normalize();
+                let cone = Cone { radius: NARROWED * 0.5 * pixel.min_element(), spread: 0.0 };
+                CameraRay::new(place + start, direction, -direction.z, cone)
+            }
+            Projection::Spherical(pixel) => {
+                let (longitude, latitude) = (offset.x * pixel.x, offset.y * pixel.y);
+                let (around, up) = (longitude.sin_cos(), latitude.sin_cos());
+                let direction = Vec3::new(around.0 * up.1, up.0, -around.1 * up.1);
+                let spread = NARROWED * 0.5 * pixel.min_element() * up.1.abs();
+                CameraRay::new(Vec3::ZERO, direction, 1.0, Cone { radius: 0.0, spread })
+            }
+            Projection::EqualArea(frame) => {
+                let map = equal_area_direction(wrap_square(film / frame));
+                let direction = Vec3::new(map.x, map.z, -map.y);
+                let spread = NARROWED * 0.5 * (4.0 * PI / (frame.x * frame.y)).sqrt();
+                CameraRay::new(Vec3::ZERO, direction, 1.0, Cone { radius: 0.0, spread })
+            }
+        }
+    }
+
+    /// The ray from the film through lenses, in the camera's space.
+    #[inline(never)]
+    fn ray_through(&self, lenses: &LensSystem, offset: Vec2, lens: Vec2) -> CameraRay {
+        let Some((origin, direction, weight)) = lenses.ray(offset, lens) else {
+            return CameraRay {
+                weight: 0.0,
+                ..CameraRay::new(Vec3::ZERO, Vec3::NEG_Z, 1.0, Cone::default())
+            };
+        };
+        // As of the thin lens in their place.
+        let pixel = match self.projection {
+            Projection::Perspective(pixel) => pixel.min_element(),
+            _ => 0.0,
+        };
+        let cone = Cone { radius: 0.0, spread: NARROWED * 0.5 * pixel * -direction.z };
+        CameraRay { weight, ..CameraRay::new(origin, direction, -direction.z, cone) }
+    }
+}
+
+impl CameraRay {
+    fn new(origin: Vec3, direction: Vec3, axis_cosine: f32, cone: Cone) -> Self {
+        Self { origin, direction, axis_cosine, cone, weight: 1.0 }
     }
 }
 
@@ -230,13 +299,15 @@ fn projection(camera: &desc::Camera, frame: Vec2) -> Result<Projection, CameraEr
         FrameAxis::Shorter => frame.min_element(),
     };
     let name = || camera.name.clone();
+    // The axis that an angle spans is measured in heights of pixels.
+    let pixel = Vec2::new(camera.pixel_aspect, 1.0);
     match camera.projection {
         desc::Projection::Perspective { fov, axis } if fov > 0.0 && fov < PI => {
-            Ok(Projection::Perspective(2.0 * (0.5 * fov).tan() / side(axis)))
+            Ok(Projection::Perspective(2.0 * (0.5 * fov).tan() / side(axis) * pixel))
         }
         desc::Projection::Perspective { fov, .. } => Err(CameraError::FieldOfView { name: name(), fov }),
         desc::Projection::Orthographic { extent, axis } if extent > 0.0 && extent.is_finite() => {
-            Ok(Projection::Orthographic(extent / side(axis)))
+            Ok(Projection::Orthographic(extent / side(axis) * pixel))
         }
         desc::Projection::Orthographic { extent, .. } => Err(CameraError::Extent { name: name(), extent }),
         desc::Projection::Spherical => Ok(Projection::Spherical(Vec2::new(2.0 * PI, PI) / frame)),

@@ -101,6 +101,10 @@ pub(crate) fn sample<I: Isa>(
     let coverage_key = sampler.bits();
     let time = if scene.moves() || view.camera.moves() { time(&mut sampler) } else { 0.0 };
     let ray = view.camera.ray(film, lens, time);
+    if ray.weight == 0.0 {
+        counts.paths += 1;
+        return Sample { alpha: filtered.weight, ..Sample::default() };
+    }
     let mut path = Path {
         isa,
         scene,
@@ -181,7 +185,7 @@ pub(crate) fn sample<I: Isa>(
         }
     }
     // Not the guides, which thereby are averaged with the filter's magnitude and stay in their ranges.
-    path.sample.radiance = view.expose(path.sample.radiance) * filtered.weight;
+    path.sample.radiance = view.expose(path.sample.radiance * ray.weight) * filtered.weight;
     path.sample.alpha *= filtered.weight;
     path.sample
 }

@@ -19,7 +19,7 @@ use super::draft::{self, AreaLight, Draft, Form, Group};
 use super::fault::{Context, Fault, Result, unknown};
 use super::film;
 use super::images::{Images, Requests};
-use super::lens::{self, ThinLens};
+use super::lens;
 use super::light::{self, Lights};
 use super::material::{Materials, Worn};
 use super::medium::Media;
@@ -38,8 +38,7 @@ pub(super) fn scene(mut draft: Draft, images: Requests, context: &Context) -> Re
     let media = Media::new(&draft.media, context)?;
     let shutter = Shutter::of(draft.camera.as_ref().map(|(entity, ..)| entity))?;
     let lens = lens::of(&draft, film::size(&draft)?, context)?;
-    let light = lens.as_ref().map_or(1.0, ThinLens::brightness);
-    let picture = film::picture(&draft, (shutter.close - shutter.open) * light, context)?;
+    let picture = film::picture(&draft, shutter.close - shutter.open, context)?;
     let motion = Motion::new(&draft, shutter)?;
     let size = picture.size.unwrap_or([1, 1]);
     let mut scene = SceneDesc { picture, ..SceneDesc::default() };

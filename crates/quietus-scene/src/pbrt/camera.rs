@@ -1,11 +1,13 @@
 //! The camera, and when its shutter is open.
 
-use glam::{DAffine3, DMat3, DVec3};
+use std::sync::Arc;
+
+use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2};
 use quietus_trace::desc::{Camera, FrameAxis, MediumId, Projection};
 
 use super::draft::Entity;
 use super::fault::{Context, Fault, Result, unknown};
-use super::lens::ThinLens;
+use super::lens::Lens;
 use super::params::Params;
 use super::transform::{Moving, Parts, single, uniform_scale};
 
@@ -45,7 +47,7 @@ pub(super) fn read(
     entity: &Entity,
     to_world: Moving,
     medium: Option<MediumId>,
-    (size, lens): ([u32; 2], Option<ThinLens>),
+    (size, lens): ([u32; 2], Option<Lens>),
     context: &Context,
 ) -> Result<Camera> {
     let params = &entity.params;
@@ -55,9 +57,17 @@ pub(super) fn read(
     let mut lens_radius =
         params.float_where("lensradius", 0.0, |radius| radius >= 0.0, "at least 0")? * scale;
     let mut focus = params.float_where("focaldistance", 1e6, |distance| distance > 0.0, "above 0")? * scale;
+    let mut screen = Screen::default();
+    let mut lenses = None;
     let projection = match &*entity.kind {
-        "perspective" => perspective(params, aspect, context)?,
-        "orthographic" => orthographic(params, aspect, scale, context)?,
+        "perspective" => {
+            screen = Screen::read(params, aspect)?;
+            perspective(params, &screen)?
+        }
+        "orthographic" => {
+            screen = Screen::read(params, aspect)?;
+            Projection::Orthographic { extent: 2.0 * screen.extent * scale, axis: screen.axis }
+        }
         "spherical" => {
             let mapping = params.choice("mapping", &["equalarea", "equirectangular"])?;
             params.ignore(&["frameaspectratio", "screenwindow"]);
@@ -71,15 +81,10 @@ pub(super) fn read(
             }
         }
         "realistic" => {
-            let message =
-                "lenses of realistic cameras are drawn as one thin lens: without distortion and vignetting";
-            context.warn(params.place, message);
             let lens = lens.unwrap_or_else(|| unreachable!("realistic cameras have lenses"));
-            turned = turned
-                .after(Moving::still(DAffine3::from_translation(f64::from(scale) * lens.place * DVec3::Z)));
-            (lens_radius, focus) = (scale * lens.radius as f32, scale * lens.object as f32);
-            let fov = 2.0 * (0.5 * lens.height / lens.image).atan();
-            Projection::Perspective { fov: fov as f32, axis: FrameAxis::Vertical }
+            (lens_radius, focus) = (scale * lens.thin.radius as f32, scale * lens.thin.object as f32);
+            lenses = Some(Arc::new(lens.lenses(scale)));
+            Projection::Perspective { fov: lens.fov() as f32, axis: FrameAxis::Vertical }
         }
         kind => return Err(Fault::invalid(params.place, unknown("camera", kind, &KINDS))),
     };
@@ -93,6 +98,9 @@ pub(super) fn read(
         to_world: start,
         end_to_world: (!turned.is_still()).then_some(end),
         projection,
+        shift: screen.shift,
+        pixel_aspect: screen.pixel_aspect,
+        lenses,
         aspect: Some(aspect),
         lens_radius,
         focus_distance: focus,
@@ -127,54 +135,65 @@ fn upright(to_world: Moving) -> Moving {
     }))
 }
 
-/// Half the extent of the screen along an axis, where the field of view spans 1 on the shorter one.
-fn screen(params: &Params, aspect: f32, context: &Context) -> Result<(f32, FrameAxis)> {
-    let frame = params.float_option("frameaspectratio")?;
-    let window = params.floats("screenwindow")?;
-    let stretched = |wide: f32| (wide / aspect - 1.0).abs() > 1e-3;
-    let message = "pixels that are not square are not drawn; the height of the picture counts";
-    match (window, frame) {
-        (&[x0, x1, y0, y1], _) => {
-            if x0 >= x1 || y0 >= y1 {
-                let message = "\"screenwindow\" is empty, expected x0 < x1 and y0 < y1";
-                return Err(Fault::invalid(params.place_of("screenwindow"), message));
+/// What part of the plane of the picture the film shows. The field of view spans 1 to both sides of its middle.
+#[derive(Clone, Copy, Debug)]
+struct Screen {
+    /// Half of what is shown along an axis.
+    extent: f32,
+    axis: FrameAxis,
+    /// As in [`Camera::shift`] and [`Camera::pixel_aspect`].
+    shift: Vec2,
+    pixel_aspect: f32,
+}
+
+impl Default for Screen {
+    fn default() -> Self {
+        Self { extent: 1.0, axis: FrameAxis::Shorter, shift: Vec2::ZERO, pixel_aspect: 1.0 }
+    }
+}
+
+impl Screen {
+    /// `aspect` is the width of the film over its height.
+    fn read(params: &Params, aspect: f32) -> Result<Self> {
+        let frame = params.float_option("frameaspectratio")?;
+        let window = params.floats("screenwindow")?;
+        match (window, frame) {
+            (&[x0, x1, y0, y1], _) => {
+                if !(x0 < x1 && y0 < y1) {
+                    let message = "\"screenwindow\" is empty, expected x0 < x1 and y0 < y1";
+                    return Err(Fault::invalid(params.place_of("screenwindow"), message));
+                }
+                let [low, high] = [DVec2::new(x0.into(), y0.into()), DVec2::new(x1.into(), y1.into())];
+                let size = high - low;
+                Ok(Self {
+                    extent: (0.5 * size.y) as f32,
+                    axis: FrameAxis::Vertical,
+                    shift: (0.5 * (low + high) / size).as_vec2(),
+                    pixel_aspect: (size.x / size.y) as f32 / aspect,
+                })
             }
-            if (x0 + x1).abs() > 1e-3 * (x1 - x0) || (y0 + y1).abs() > 1e-3 * (y1 - y0) {
-                let message = "a \"screenwindow\" that is off the middle is drawn in the middle";
-                context.warn(params.place_of("screenwindow"), message);
+            ([], Some(frame)) if frame > 0.0 => {
+                let extent = if frame >= 1.0 { 1.0 } else { 1.0 / frame };
+                let pixel_aspect = frame / aspect;
+                Ok(Self { extent, axis: FrameAxis::Vertical, shift: Vec2::ZERO, pixel_aspect })
             }
-            if stretched((x1 - x0) / (y1 - y0)) {
-                context.warn(params.place_of("screenwindow"), message);
+            ([], None) => Ok(Self::default()),
+            ([], Some(_)) => {
+                let message = "\"frameaspectratio\" is not above 0";
+                Err(Fault::invalid(params.place_of("frameaspectratio"), message))
             }
-            Ok((0.5 * (y1 - y0), FrameAxis::Vertical))
-        }
-        ([], Some(frame)) if frame > 0.0 => {
-            if stretched(frame) {
-                context.warn(params.place_of("frameaspectratio"), message);
+            _ => {
+                let message =
+                    format!("\"screenwindow\" has {} values, expected x0, x1, y0, y1", window.len());
+                Err(Fault::invalid(params.place_of("screenwindow"), message))
             }
-            Ok((if frame >= 1.0 { 1.0 } else { 1.0 / frame }, FrameAxis::Vertical))
-        }
-        ([], None) => Ok((1.0, FrameAxis::Shorter)),
-        ([], Some(_)) => {
-            let message = "\"frameaspectratio\" is not above 0";
-            Err(Fault::invalid(params.place_of("frameaspectratio"), message))
-        }
-        _ => {
-            let message = format!("\"screenwindow\" has {} values, expected x0, x1, y0, y1", window.len());
-            Err(Fault::invalid(params.place_of("screenwindow"), message))
         }
     }
 }
 
-fn perspective(params: &Params, aspect: f32, context: &Context) -> Result<Projection> {
+fn perspective(params: &Params, screen: &Screen) -> Result<Projection> {
     let expected = "an angle between 0 and 180";
     let degrees = params.float_where("fov", 90.0, |fov| fov > 0.0 && fov < 180.0, expected)?;
-    let (extent, axis) = screen(params, aspect, context)?;
-    let fov = 2.0 * (extent * (0.5 * degrees.to_radians()).tan()).atan();
-    Ok(Projection::Perspective { fov, axis })
-}
-
-fn orthographic(params: &Params, aspect: f32, scale: f32, context: &Context) -> Result<Projection> {
-    let (extent, axis) = screen(params, aspect, context)?;
-    Ok(Projection::Orthographic { extent: 2.0 * extent * scale, axis })
+    let fov = 2.0 * (screen.extent * (0.5 * degrees.to_radians()).tan()).atan();
+    Ok(Projection::Perspective { fov, axis: screen.axis })
 }

@@ -1,9 +1,11 @@
-//! The lenses of realistic cameras, as the one thin lens that draws as large and as blurred a picture: what paraxial rays
-//! make of them (Born and Wolf, "Principles of Optics", 4.4; matrices as in Gerrard and Burch 1975, "Introduction to Matrix
-//! Methods in Optics", chapter 2).
+//! Lens files of realistic cameras: their surfaces, focused, and the one thin lens that draws about as large and as
+//! blurred a picture, by what paraxial rays make of them (Born and Wolf, "Principles of Optics", 4.4; matrices as in Gerrard
+//! and Burch 1975, "Introduction to Matrix Methods in Optics", chapter 2).
 
 use glam::{DMat2, DVec2};
+use quietus_trace::desc::{Aperture, LensSurface, Lenses};
 
+use super::aperture;
 use super::draft::{Draft, Entity};
 use super::fault::{Context, Fault, Result};
 use super::params::Params;
@@ -13,7 +15,17 @@ const MAX_SURFACES: usize = 1024;
 /// Lens files count in millimetres, scenes with such cameras in metres.
 const MILLIMETRE: f64 = 1e-3;
 
-/// A thin lens before a film. Lengths are in metres.
+/// What a lens file says, focused. Lengths are in metres.
+#[derive(Debug)]
+pub(super) struct Lens {
+    pub thin: ThinLens,
+    surfaces: Vec<Surface>,
+    /// Width and height of the film.
+    film: [f64; 2],
+    aperture: Option<Aperture>,
+}
+
+/// A thin lens in the place of several.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ThinLens {
     /// Of its opening.
@@ -22,16 +34,36 @@ pub(super) struct ThinLens {
     pub image: f64,
     /// From the lens to what is sharp.
     pub object: f64,
-    /// From the film to where the lens stands for what is before it.
-    pub place: f64,
-    /// Height of the film.
-    pub height: f64,
+    /// From the film to the last surface.
+    film_distance: f64,
 }
 
-impl ThinLens {
-    /// Irradiance of the film in the middle for a radiance of 1.
-    pub(super) fn brightness(&self) -> f32 {
-        (std::f64::consts::PI * (self.radius / self.image).powi(2)) as f32
+impl Lens {
+    /// The angle of view along the height, in radians.
+    pub(super) fn fov(&self) -> f64 {
+        2.0 * (0.5 * self.film[1] / self.thin.image).atan()
+    }
+
+    /// The lenses where a metre is `scale` long.
+    pub(super) fn lenses(&self, scale: f32) -> Lenses {
+        let length = |metres: f64| scale * metres as f32;
+        let mut place = self.thin.film_distance;
+        let mut surfaces: Vec<LensSurface> = Vec::new();
+        for (i, surface) in self.surfaces.iter().enumerate().rev() {
+            if i + 1 < self.surfaces.len() {
+                place += surface.thickness;
+            }
+            surfaces.push(LensSurface {
+                place: length(place),
+                curvature: length(surface.radius),
+                rim: length(0.5 * surface.diameter),
+                index: surface.index as f32,
+            });
+        }
+        surfaces.reverse();
+        let [width, height] = self.film;
+        let film_radius = length(0.5 * width.hypot(height));
+        Lenses { surfaces, film_height: length(height), film_radius, aperture: self.aperture.clone() }
     }
 }
 
@@ -47,8 +79,8 @@ struct Surface {
     diameter: f64,
 }
 
-/// The lens of the camera of a scene, if it has lenses.
-pub(super) fn of(draft: &Draft, size: [u32; 2], context: &Context) -> Result<Option<ThinLens>> {
+/// The lenses of the camera of a scene, if it has some.
+pub(super) fn of(draft: &Draft, size: [u32; 2], context: &Context) -> Result<Option<Lens>> {
     let Some((Entity { kind, params, .. }, ..)) = &draft.camera else { return Ok(None) };
     if &**kind != "realistic" {
         return Ok(None);
@@ -60,22 +92,35 @@ pub(super) fn of(draft: &Draft, size: [u32; 2], context: &Context) -> Result<Opt
     let path = context.resolve(name);
     let bytes = crate::file::read(&path).map_err(|error| context.blame(place, error))?;
     let refuse = |message: String| Fault::invalid(place, format!("lens file {}: {message}", path.display()));
-    let surfaces = surfaces(&String::from_utf8_lossy(&bytes)).map_err(refuse)?;
+    let mut surfaces = surfaces(&String::from_utf8_lossy(&bytes)).map_err(refuse)?;
+    stop_down(&mut surfaces, params, context)?;
     let diagonal = match &draft.film {
         Some(film) => film.params.float_where("diagonal", 35.0, |d| d > 0.0, "above 0")?,
         None => 35.0,
     };
     let [width, height] = size.map(f64::from);
-    let height = f64::from(diagonal) * MILLIMETRE * height / width.hypot(height);
-    params.ignore(&["aperture"]);
-    if params.has("aperture") {
-        context.warn(params.place_of("aperture"), "the opening of a lens is drawn round");
-    }
-    thin(&surfaces, params, height)?.map(Some).ok_or_else(|| {
+    let film = [width, height].map(|side| f64::from(diagonal) * MILLIMETRE * side / width.hypot(height));
+    let aperture = aperture::read(params, context)?;
+    let Some(thin) = thin(&surfaces, params)? else {
         let message =
             "no picture is focused by these lenses, or none on a film that close to what should be sharp";
-        refuse(message.to_owned())
-    })
+        return Err(refuse(message.to_owned()));
+    };
+    Ok(Some(Lens { thin, surfaces, film, aperture }))
+}
+
+/// Narrows the stop to what the scene wishes; it is no larger than it was made.
+fn stop_down(surfaces: &mut [Surface], params: &Params, context: &Context) -> Result<()> {
+    let opening = params.float_where("aperturediameter", 1.0, |d| d > 0.0, "above 0")?;
+    let opening = f64::from(opening) * MILLIMETRE;
+    for stop in surfaces.iter_mut().filter(|surface| surface.radius == 0.0) {
+        if opening > stop.diameter {
+            let message = format!("the lenses open no further than {} mm", stop.diameter / MILLIMETRE);
+            context.warn(params.place_of("aperturediameter"), message);
+        }
+        stop.diameter = stop.diameter.min(opening);
+    }
+    Ok(())
 }
 
 /// Numbers by four, with comments from `#` on.
@@ -119,27 +164,28 @@ fn trace(surfaces: &[Surface]) -> (DMat2, Option<(f64, f64)>) {
 }
 
 /// The thin lens; none where nothing is focused.
-fn thin(surfaces: &[Surface], params: &Params, height: f64) -> Result<Option<ThinLens>> {
-    let opening = params.float_where("aperturediameter", 1.0, |d| d > 0.0, "above 0")?;
+fn thin(surfaces: &[Surface], params: &Params) -> Result<Option<ThinLens>> {
     let distance = params.float_where("focusdistance", 10.0, |d| d > 0.0, "above 0")?;
     let (all, stop) = trace(surfaces);
     let [[a, c], [_, d]] = all.to_cols_array_2d();
     let focal = -1.0 / c;
     let length: f64 = surfaces[..surfaces.len() - 1].iter().map(|surface| surface.thickness).sum();
-    // From the one principal plane to the other.
-    let between = length + (1.0 - a) / c - (d - 1.0) / c;
+    // From the last surface to the principal plane on the film's side, and from that to the other one.
+    let behind = (1.0 - a) / c;
+    let between = length + behind - (d - 1.0) / c;
     // What is sharp lies so far from the film without that: image + object, with 1 / image + 1 / object = 1 / focal.
     let total = f64::from(distance) - between;
     let root = (total * total - 4.0 * focal * total).max(0.0).sqrt();
     let (image, object) = (0.5 * (total - root), 0.5 * (total + root));
+    // The stop as it is seen from the front.
     let radius = match stop {
-        // The stop as it is seen from the front. It is no larger than it was made.
-        Some((seen, made)) => 0.5 * made.min(f64::from(opening) * MILLIMETRE) / seen.abs(),
-        None => 0.5 * f64::from(opening) * MILLIMETRE,
+        Some((seen, diameter)) => 0.5 * diameter / seen.abs(),
+        None => surfaces.iter().map(|surface| 0.5 * surface.diameter).fold(f64::INFINITY, f64::min),
     };
+    let film_distance = image + behind;
     let sound = focal > 0.0
         && total > 4.0 * focal
-        && radius > 0.0
+        && [radius, film_distance].iter().all(|length| *length > 0.0)
         && [image, object, radius].iter().all(|x| x.is_finite());
-    Ok(sound.then_some(ThinLens { radius, image, object, place: image + between, height }))
+    Ok(sound.then_some(ThinLens { radius, image, object, film_distance }))
 }

@@ -10,6 +10,7 @@
 //!
 //! Limits: files of 4 GiB (unpacked), 64 included files inside each other and 65,536 in all, 65,536 nested blocks.
 
+mod aperture;
 mod arguments;
 mod assemble;
 mod camera;

@@ -105,35 +105,85 @@ fn white_balance_makes_its_light_white() {
     assert!((white / white.y - 1.0).abs().max_element() < 1e-3, "{white}");
 }
 
-/// One lens of two surfaces, 50 mm wide: its focal length by the lensmaker's formula, 100 mm.
+/// Windows beside the middle and pixels that are not square are drawn as they are.
 #[test]
-fn lenses_of_realistic_cameras_are_one_thin_lens() {
+fn screens_beside_the_axis() {
+    let film = "Film \"rgb\" \"integer xresolution\" 200 \"integer yresolution\" 100\n";
+    for kind in ["perspective", "orthographic"] {
+        let camera = |more: &str| camera(&format!("{film}Camera \"{kind}\" {more}"));
+        let shifted = camera("\"float screenwindow\" [0 2 -1.5 -.5]");
+        assert_eq!((shifted.shift, shifted.pixel_aspect), (Vec2::new(0.5, -1.0), 1.0));
+        let stretched = camera("\"float screenwindow\" [-1 1 -1 1]");
+        assert_eq!((stretched.shift, stretched.pixel_aspect), (Vec2::ZERO, 0.5));
+        assert_eq!(camera("\"float frameaspectratio\" 4").pixel_aspect, 2.0);
+        assert_eq!((camera("").shift, camera("").pixel_aspect), (Vec2::ZERO, 1.0));
+    }
+}
+
+/// One lens of two surfaces, 50 mm wide: its focal length by the lensmaker's formula, 100 mm.
+const LENS: &str = "# a comment\n100 0.001 1.5 50\n-100 0.001 1 50\n0 50 0 30\n";
+
+/// What is read of a realistic camera with [`LENS`], and what is warned of.
+fn realistic(more: &str) -> Result<quietus_scene::Loaded, quietus_scene::SceneError> {
     let folder = tempfile::tempdir().expect("a folder");
-    // Radii of 100 mm, an index of 1.5, next to no thickness; the stop lies behind it.
-    let file = "# a comment\n100 0.001 1.5 50\n-100 0.001 1 50\n0 50 1 30\n";
-    std::fs::write(folder.path().join("lens.dat"), file).expect("a writable folder");
-    let camera = |more: &str| {
-        let text = format!(
-            "Camera \"realistic\" \"string lensfile\" \"lens.dat\" {more}\nFilm \"rgb\" \"float diagonal\" 50\
-             \"integer xresolution\" 400 \"integer yresolution\" 300\nWorldBegin"
-        );
-        load_bytes(&folder.path().join("a.pbrt"), text.as_bytes())
-    };
-    let scene = camera("\"float aperturediameter\" 20 \"float focusdistance\" 10").expect("sound").scene;
-    let camera_read = &scene.cameras[0];
+    std::fs::write(folder.path().join("lens.dat"), LENS).expect("a writable folder");
+    let text = format!(
+        "Camera \"realistic\" \"string lensfile\" \"lens.dat\" {more}\nFilm \"rgb\" \"float diagonal\" 50\
+         \"integer xresolution\" 400 \"integer yresolution\" 300\nWorldBegin"
+    );
+    load_bytes(&folder.path().join("a.pbrt"), text.as_bytes())
+}
+
+#[test]
+fn realistic_cameras_have_the_lenses_of_their_file_in_focus() {
+    let scene = realistic("\"float aperturediameter\" 20 \"float focusdistance\" 10").expect("sound").scene;
+    let camera = &scene.cameras[0];
     // 1 / image + 1 / object = 1 / 0.1, and 10 m from the film to what is sharp.
     let image = 5.0 - (25.0_f32 - 1.0).sqrt();
     let close = |a: f32, b: f32| (a / b - 1.0).abs() < 1e-3;
-    assert!(close(camera_read.focus_distance, 10.0 - image), "{}", camera_read.focus_distance);
-    assert!(close(camera_read.lens_radius, 0.01), "{}", camera_read.lens_radius);
-    let Projection::Perspective { fov, axis: FrameAxis::Vertical } = camera_read.projection else { panic!() };
+    let lenses = camera.lenses.as_ref().expect("lenses");
+    let [front, back, stop] = lenses.surfaces[..] else { panic!("{lenses:?}") };
+    assert!(close(stop.place, image) && front.place > back.place && back.place > stop.place, "{lenses:?}");
+    assert!(close(front.curvature, 0.1) && close(back.curvature, -0.1) && stop.curvature == 0.0);
+    assert!(close(front.rim, 0.025) && close(stop.rim, 0.01), "the stop is narrowed, the rims are not");
+    assert_eq!([front, back, stop].map(|surface| surface.index), [1.5, 1.0, 1.0]);
+    assert!(close(lenses.film_height, 0.03) && close(lenses.film_radius, 0.025));
+    assert!(lenses.aperture.is_none() && scene.picture.exposure.is_none());
+    // Roughly the same through one thin lens.
+    assert!(close(camera.focus_distance, 10.0 - image) && close(camera.lens_radius, 0.01));
+    let Projection::Perspective { fov, axis: FrameAxis::Vertical } = camera.projection else { panic!() };
     assert!(close((0.5 * fov).tan(), 0.015 / image), "{fov}");
-    assert!(close(camera_read.to_world.translation.z, image), "{}", camera_read.to_world.translation);
-    let light = scene.picture.exposure.expect("as much light as the opening lets through").x;
-    assert!(close(light, PI * (0.01 / image).powi(2)), "{light}");
-    // The stop is no wider than it was made.
-    let wide = camera("\"float aperturediameter\" 90").expect("sound").scene;
-    assert!(close(wide.cameras[0].lens_radius, 0.015));
-    let near = camera("\"float focusdistance\" 0.3").expect_err("nearer than four focal lengths");
+    let near = realistic("\"float focusdistance\" 0.3").expect_err("nearer than four focal lengths");
     assert!(near.message().contains("focused"), "{near}");
+}
+
+/// The stop is no wider than it was made.
+#[test]
+fn stops_open_as_far_as_they_can() {
+    let wide = realistic("\"float aperturediameter\" 90").expect("sound");
+    let lenses = wide.scene.cameras[0].lenses.clone().expect("lenses");
+    assert!((lenses.surfaces[2].rim - 0.015).abs() < 1e-6);
+    assert!(wide.warnings.iter().any(|warning| warning.message.contains("no further than 30 mm")));
+}
+
+/// Forms of openings are as bright as a round one, which fills a quarter of pi of the square around it.
+#[test]
+fn openings_have_the_form_that_is_named() {
+    for (name, middle) in [("gaussian", true), ("square", true), ("pentagon", true), ("star", true)] {
+        let scene = realistic(&format!("\"string aperture\" \"{name}\"")).expect("sound").scene;
+        let lenses = scene.cameras[0].lenses.clone().expect("lenses");
+        let aperture = lenses.aperture.as_ref().expect("a form");
+        let [width, height] = aperture.size.map(|side| side as usize);
+        let sum: f64 = aperture.weights.iter().map(|weight| f64::from(*weight)).sum();
+        let mean = sum / aperture.weights.len() as f64;
+        assert!(
+            (mean / (0.25 * std::f64::consts::PI) - 1.0).abs() < f64::from(f32::EPSILON),
+            "{name}: {mean}"
+        );
+        let at = |x: usize, y: usize| aperture.weights[y * width + x];
+        assert_eq!(at(width / 2, height / 2) > 0.0, middle, "{name}");
+        assert_eq!(at(0, 0) > 0.0, name == "square", "{name}");
+    }
+    let missing = realistic("\"string aperture\" \"none.png\"").expect_err("no such file");
+    assert!(missing.to_string().contains("none.png"), "{missing}");
 }

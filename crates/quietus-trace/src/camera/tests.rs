@@ -59,6 +59,26 @@ fn pinhole_rays_span_the_angle_of_view() {
     }
 }
 
+/// A frame that lies a quarter of its width to the right and half its height below the axis, of pixels twice as wide as high.
+#[test]
+fn frames_lie_beside_the_axis_where_they_are_shifted() {
+    let (shift, pixel_aspect) = (Vec2::new(0.25, -0.5), 2.0);
+    let axis = FrameAxis::Vertical;
+    let flat = desc::Projection::Orthographic { extent: 2.0 * 0.4_f32.tan(), axis };
+    for projection in [described(0.0).projection, flat] {
+        let described = desc::Camera { shift, pixel_aspect, projection, ..described(0.0) };
+        let camera = camera(&described, 150, 200);
+        let half = Vec2::new(2.0 * 0.75, 1.0) * 0.4_f32.tan();
+        for place in [Vec2::ZERO, Vec2::new(1.0, 0.0), Vec2::new(0.25, 1.0), Vec2::splat(0.5)] {
+            let ray = camera.ray(place * Vec2::new(150.0, 200.0), Vec2::ZERO, 0.0);
+            let (origin, direction) = local(&described, &ray);
+            let found = (origin + direction / -direction.z).truncate();
+            let expected = (Vec2::new(2.0 * place.x - 1.0, 1.0 - 2.0 * place.y) + 2.0 * shift) * half;
+            assert!((found - expected).length() < 1e-5, "{projection:?} {place}: {found} {expected}");
+        }
+    }
+}
+
 #[test]
 fn orthographic_rays_are_parallel_and_start_across_the_extent() {
     for (axis, half) in
@@ -180,6 +200,13 @@ fn cameras_that_make_no_sense_are_refused() {
     let projection = desc::Projection::Spherical;
     let error = refuse(&desc::Camera { projection, ..described(0.1) });
     assert!(matches!(error, CameraError::SphericalLens { .. }), "{error}");
+    for (shift, pixel_aspect) in [(Vec2::NAN, 1.0), (Vec2::ZERO, 0.0), (Vec2::ZERO, f32::INFINITY)] {
+        let error = refuse(&desc::Camera { shift, pixel_aspect, ..sound.clone() });
+        assert!(matches!(error, CameraError::Frame { .. }), "{error}");
+    }
+    let nothing = desc::Lenses { surfaces: vec![], film_height: 1.0, film_radius: 1.0, aperture: None };
+    let error = refuse(&desc::Camera { lenses: Some(std::sync::Arc::new(nothing)), ..sound.clone() });
+    assert!(matches!(error, CameraError::Lenses { .. }), "{error}");
     let scaled = Affine3A::from_scale(Vec3::splat(2.0));
     let error = refuse(&desc::Camera { to_world: scaled, ..sound.clone() });
     assert!(matches!(error, CameraError::Transform { .. }), "{error}");

@@ -1,6 +1,8 @@
 //! Cameras, and what a scene file wishes for its picture.
 
-use glam::{Affine3A, Vec3};
+use std::sync::Arc;
+
+use glam::{Affine3A, Vec2, Vec3};
 
 use super::MediumId;
 use crate::filter::Filter;
@@ -17,6 +19,14 @@ pub struct Camera {
     pub end_to_world: Option<Affine3A>,
     /// How directions fall on the film.
     pub projection: Projection,
+    /// Where the middle of the frame lies beside the optical axis, to the right and upwards, in widths and heights of the
+    /// frame; for perspective and orthographic cameras.
+    pub shift: Vec2,
+    /// Width of a pixel over its height on the film, for the same cameras.
+    pub pixel_aspect: f32,
+    /// What stands before the film in place of one thin lens. `projection`, `lens_radius` and `focus_distance` then say
+    /// roughly what it shows, and `to_world` where the middle of the film is.
+    pub lenses: Option<Arc<Lenses>>,
     /// Width over height it was made for; a hint for the default picture size.
     pub aspect: Option<f32>,
     /// Radius of the lens; 0 is a pinhole.
@@ -35,12 +45,53 @@ impl Camera {
             to_world,
             end_to_world: None,
             projection: Projection::Perspective { fov: fov_y, axis: FrameAxis::Vertical },
+            shift: Vec2::ZERO,
+            pixel_aspect: 1.0,
+            lenses: None,
             aspect: None,
             lens_radius: 0.0,
             focus_distance: 1.0,
             medium: None,
         }
     }
+}
+
+/// Lenses of glass before a film, all of them round and around one axis. Lengths are in world units. The weight of a ray
+/// is the irradiance of the film for a radiance of 1 (Kolb, Mitchell and Hanrahan 1995, "A Realistic Camera Model for
+/// Computer Graphics").
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lenses {
+    /// From the front to the film.
+    pub surfaces: Vec<LensSurface>,
+    /// Height of the film.
+    pub film_height: f32,
+    /// Half the diagonal of the film: points further off see as much as those there.
+    pub film_radius: f32,
+    /// What the stop lets through, over the square around its opening; it is round otherwise.
+    pub aperture: Option<Aperture>,
+}
+
+/// One surface of a lens, or the stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LensSurface {
+    /// Where it crosses the axis: how far before the film.
+    pub place: f32,
+    /// Radius of its sphere: above 0 where the middle lies towards the film, below 0 where it lies towards what is
+    /// seen, 0 for the stop.
+    pub curvature: f32,
+    /// Radius of its rim.
+    pub rim: f32,
+    /// Index of refraction between it and the next one, towards the film.
+    pub index: f32,
+}
+
+/// A picture of what an opening lets through.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Aperture {
+    /// Columns and rows.
+    pub size: [u32; 2],
+    /// Factors of light, row by row from the top; columns to the right.
+    pub weights: Vec<f32>,
 }
 
 /// How directions fall on the film.

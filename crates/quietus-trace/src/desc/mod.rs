@@ -11,7 +11,7 @@ mod material;
 mod texture;
 mod volume;
 
-pub use camera::{Camera, FrameAxis, PictureDefaults, Projection};
+pub use camera::{Aperture, Camera, FrameAxis, LensSurface, Lenses, PictureDefaults, Projection};
 pub use geometry::{
     CurveKind, CurveSegment, Curves, Geometry, Instance, MediumInterface, Mesh, Object, PatchMesh, Quadric,
     Shape,

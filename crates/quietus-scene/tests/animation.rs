@@ -6,7 +6,7 @@ use common::{add_accessor, floats, read, read_ok, scene_file, triangle};
 use glam::{Mat4, Quat, Vec3, Vec4};
 use proptest::prelude::*;
 use quietus_scene::{Loaded, SceneFile};
-use quietus_trace::desc::{Geometry, Light, Mesh, SceneDesc};
+use quietus_trace::desc::{Geometry, Light, Mapping, Mesh, Projection, SceneDesc, Surface, Texture};
 use serde_json::{Value, json};
 
 /// The mesh of instance `index`.
@@ -339,6 +339,151 @@ fn the_added_camera_sees_the_whole_animation() {
     }
 }
 
+/// A document whose animations change what `pointers` lead to, from zeros to `value` in one second, by numbers of this type.
+fn pointing(document: &mut Value, pointers: &[(&str, &str, &[f32])]) {
+    document["extensionsUsed"] = json!(["KHR_animation_pointer"]);
+    for (i, (pointer, kind, value)) in pointers.iter().enumerate() {
+        animate(document, (0, "translation"), "LINEAR", &[0., 1.], &[0.; 6]);
+        let zeros = vec![0.0; value.len()];
+        let output = add_accessor(
+            document,
+            &floats(&[&zeros, *value].concat()),
+            json!({"componentType": 5126, "count": 2, "type": kind}),
+        );
+        let animation = document["animations"].as_array_mut().expect("animations").pop().expect("one more");
+        let mut sampler = animation["samplers"][0].clone();
+        sampler["output"] = json!(output);
+        if i == 0 {
+            document["animations"]
+                .as_array_mut()
+                .expect("animations")
+                .push(json!({"channels": [], "samplers": []}));
+        }
+        let last = document["animations"].as_array_mut().expect("animations").last_mut().expect("one");
+        let extensions = json!({"KHR_animation_pointer": {"pointer": pointer}});
+        let target = json!({"path": "pointer", "extensions": extensions});
+        last["samplers"].as_array_mut().expect("samplers").push(sampler);
+        last["channels"].as_array_mut().expect("channels").push(json!({"sampler": i, "target": target}));
+    }
+}
+
+#[test]
+fn pointers_change_materials() {
+    let mut document = triangle();
+    document["materials"] = json!([{"name": "still"}, {"name": "moving", "emissiveFactor": [0, 0, 0]}]);
+    document["meshes"][0]["primitives"][0]["material"] = json!(1);
+    let strength = "/materials/1/extensions/KHR_materials_emissive_strength/emissiveStrength";
+    pointing(
+        &mut document,
+        &[
+            ("/materials/1/pbrMetallicRoughness/baseColorFactor", "VEC4", &[1., 0.5, 0.25, 1.]),
+            ("/materials/1/pbrMetallicRoughness/roughnessFactor", "SCALAR", &[0.5]),
+            ("/materials/1/emissiveFactor", "VEC3", &[1., 0.5, 0.]),
+            (strength, "SCALAR", &[8.]),
+        ],
+    );
+    let file = scene_file(&document);
+    let scene = file.animated(0, [0.5; 2]).expect("a sound moment").scene;
+    let material = &scene.materials[scene.objects[0].shapes[0].material.0 as usize];
+    let Surface::MetalRough(surface) = &material.surface else { panic!("expected glTF's") };
+    assert_eq!((&*material.name, surface.base_color.factor), ("moving", Vec3::new(0.5, 0.25, 0.125)));
+    assert_eq!(surface.roughness.factor, 0.25);
+    assert_eq!(
+        material.emission.factor,
+        Vec3::new(2.0, 1.0, 0.0),
+        "half the colour at half the strength of 8"
+    );
+    let still = file.still().expect("sound").scene;
+    let material = &still.materials[still.objects[0].shapes[0].material.0 as usize];
+    assert_eq!(material.emission.factor, Vec3::ZERO, "the pose that is stored");
+}
+
+#[test]
+fn pointers_change_lights_and_cameras() {
+    let mut document = triangle();
+    document["cameras"] =
+        json!([{"type": "perspective", "perspective": {"yfov": 1.0, "aspectRatio": 2.0, "znear": 1.0}}]);
+    let light = json!({"type": "point", "intensity": 3, "color": [1, 0.5, 1]});
+    document["extensions"] = json!({"KHR_lights_punctual": {"lights": [light]}});
+    document["nodes"] = json!([
+        {"mesh": 0}, {"camera": 0, "name": "mine"}, {"extensions": {"KHR_lights_punctual": {"light": 0}}}
+    ]);
+    document["scenes"][0]["nodes"] = json!([0, 1, 2]);
+    pointing(
+        &mut document,
+        &[
+            ("/cameras/0/perspective/yfov", "SCALAR", &[2.0]),
+            ("/extensions/KHR_lights_punctual/lights/0/intensity", "SCALAR", &[8.]),
+        ],
+    );
+    let scene = scene_file(&document).animated(0, [0.75; 2]).expect("a sound moment").scene;
+    let Projection::Perspective { fov, .. } = scene.cameras[0].projection else { panic!() };
+    assert_eq!((fov, &*scene.cameras[0].name), (1.5, "mine"));
+    let Light::Point { intensity, .. } = scene.lights[0] else { panic!("expected a point light") };
+    assert_eq!(intensity, Vec3::new(6.0, 3.0, 6.0));
+}
+
+/// The picture moves, and is decoded but once.
+#[test]
+fn pointers_change_transforms_of_textures() {
+    let mut document = triangle();
+    let mut png = std::io::Cursor::new(Vec::new());
+    image::RgbImage::new(2, 2).write_to(&mut png, image::ImageFormat::Png).expect("a picture");
+    document["images"] = json!([{"uri": common::data_uri(&png.into_inner())}]);
+    document["textures"] = json!([{"source": 0}]);
+    document["materials"] = json!([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]);
+    document["meshes"][0]["primitives"][0]["material"] = json!(0);
+    let transform =
+        "/materials/0/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform/offset";
+    pointing(&mut document, &[(transform, "VEC2", &[1., 0.5])]);
+    let file = scene_file(&document);
+    let shown = |time: f32| {
+        let scene = file.animated(0, [time; 2]).expect("a sound moment").scene;
+        let material = &scene.materials[scene.objects[0].shapes[0].material.0 as usize];
+        let Surface::MetalRough(surface) = &material.surface else { panic!("expected glTF's") };
+        let texture = surface.base_color.texture.expect("a texture");
+        let Texture::Image(texture) = scene.textures[texture.0 as usize].clone() else { panic!("a picture") };
+        let Mapping::Uv { transform, .. } = texture.mapping else { panic!("texture coordinates") };
+        (transform.translation.to_array(), texture.image)
+    };
+    let (first, second) = (shown(0.0), shown(0.5));
+    assert_eq!((first.0, second.0), ([0.0; 2], [0.5, 0.25]));
+    assert!(std::sync::Arc::ptr_eq(&first.1, &second.1) && first.1.width == 2);
+}
+
+#[test]
+fn pointers_show_and_hide() {
+    let mut document = triangle();
+    document["nodes"] = json!([
+        {"children": [1], "extensions": {"KHR_node_visibility": {"visible": false}}}, {"mesh": 0}
+    ]);
+    pointing(&mut document, &[("/nodes/0/extensions/KHR_node_visibility/visible", "SCALAR", &[1.])]);
+    document["animations"][0]["samplers"][0]["interpolation"] = json!("STEP");
+    let file = scene_file(&document);
+    assert!(file.still().expect("sound").scene.instances.is_empty());
+    for (time, count) in [(0.0, 0), (0.9, 0), (1.0, 1)] {
+        assert_eq!(file.animated(0, [time; 2]).expect("sound").scene.instances.len(), count, "at {time}");
+    }
+}
+
+#[test]
+fn pointers_to_nothing_are_errors() {
+    let refuse = |pointer: &str, kind: &str, value: &[f32], expected: &str| {
+        let mut document = triangle();
+        document["materials"] = json!([{"name": "only"}]);
+        pointing(&mut document, &[(pointer, kind, value)]);
+        let error = read(&document).expect_err(expected).to_string();
+        assert!(error.contains(expected), "{error}");
+    };
+    refuse("/materials/0/name/first", "SCALAR", &[1.], "leads nowhere in the file");
+    refuse(
+        "/materials/0/emissiveFactor",
+        "VEC4",
+        &[1.; 4],
+        "materials[0].emissiveFactor: an animation that changes it",
+    );
+}
+
 #[test]
 fn pointers_to_nodes_are_followed_and_others_are_named() {
     let mut document = triangle();
@@ -346,7 +491,7 @@ fn pointers_to_nodes_are_followed_and_others_are_named() {
     animate(&mut document, (0, "translation"), "LINEAR", &[0., 1.], &[0., 0., 0., 2., 0., 0.]);
     animate(&mut document, (0, "translation"), "STEP", &[0.], &[0., 0., 0.]);
     animate(&mut document, (0, "translation"), "STEP", &[0.], &[0., 0., 0.]);
-    let pointers = ["/nodes/0/translation", "/materials/0/emissiveFactor", "/materials/7/emissiveFactor"];
+    let pointers = ["/nodes/0/translation", "/materials/6/emissiveFactor", "/materials/7/emissiveFactor"];
     for (animation, pointer) in pointers.into_iter().enumerate() {
         let extensions = json!({"KHR_animation_pointer": {"pointer": pointer}});
         document["animations"][animation]["channels"][0]["target"] =

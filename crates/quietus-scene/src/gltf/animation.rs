@@ -4,10 +4,12 @@ use std::collections::{HashMap, HashSet};
 
 use glam::Vec3;
 
+use super::changes::{Change, Part};
 use super::document::Document;
 use super::hierarchy::{Hierarchy, Local};
 use super::keys::{Interpolation, Keys};
-use super::schema::{AnimationSampler, Channel};
+use super::pointer;
+use super::schema::{Animation, AnimationSampler, Channel};
 use crate::error::SceneError;
 
 /// An animation, as far as it concerns nodes of the scene.
@@ -19,6 +21,10 @@ pub(super) struct Clip {
     tracks: Vec<Track>,
     /// Which of the tracks has the weights of the node in a slot.
     weights: HashMap<usize, usize>,
+    /// The same for whether it is seen.
+    visible: HashMap<usize, usize>,
+    /// What else it changes.
+    pub changes: Vec<Change>,
 }
 
 /// One property of the node in `slot`.
@@ -35,6 +41,7 @@ enum Property {
     Rotation,
     Scale,
     Weights,
+    Visible,
 }
 
 impl Clip {
@@ -46,7 +53,7 @@ impl Clip {
                 Property::Translation => parts.translation = Vec3::from_array(track.keys.vector(time)),
                 Property::Scale => parts.scale = Vec3::from_array(track.keys.vector(time)),
                 Property::Rotation => parts.rotation = track.keys.rotation(time),
-                Property::Weights => {}
+                Property::Weights | Property::Visible => {}
             }
         }
     }
@@ -54,6 +61,16 @@ impl Clip {
     /// Weights of the morph targets of the node in `slot` at `time`, if the clip changes them.
     pub(super) fn weights(&self, slot: usize, time: f32) -> Option<Vec<f32>> {
         self.weights.get(&slot).map(|&track| self.tracks[track].keys.at(time))
+    }
+
+    /// Whether the node in `slot` is to be seen at `time`, if the clip changes that.
+    pub(super) fn visible(&self, slot: usize, time: f32) -> Option<bool> {
+        self.visible.get(&slot).map(|&track| self.tracks[track].keys.at(time)[0] != 0.0)
+    }
+
+    /// Whether it shows or hides nodes.
+    pub(super) fn changes_visibility(&self) -> bool {
+        !self.visible.is_empty()
     }
 }
 
@@ -66,30 +83,91 @@ fn clip(document: &Document<'_>, hierarchy: &Hierarchy, index: usize) -> Result<
     let animation = &document.root.animations[index];
     let own = format!("animations[{index}]");
     let mut tracks: Vec<Track> = Vec::new();
+    let mut changes: Vec<Change> = Vec::new();
     let mut taken = HashSet::new();
     for (i, channel) in animation.channels.iter().enumerate() {
         let place = format!("{own}.channels[{i}]");
+        if let Some(pointer) = &channel.target.extensions.pointer {
+            changes.extend(change(document, animation, channel, &pointer.pointer, &place)?);
+            continue;
+        }
         let Some((slot, property)) = target(document, hierarchy, channel, &place)? else { continue };
         if !taken.insert((slot, property)) {
             return Err(document.invalid(&place, "changes what another channel of this animation changes"));
         }
-        let samplers = format!("{own}.samplers");
-        let sampler =
-            document.get(&animation.samplers, channel.sampler, &samplers, &format!("{place}.sampler"))?;
+        let (sampler, sampler_place) = sampler(document, animation, channel, &place)?;
         let width = match property {
             Property::Translation | Property::Scale => 3,
             Property::Rotation => 4,
             Property::Weights => target_count(document, channel, &place)?,
+            Property::Visible => 1,
         };
-        let own = format!("{samplers}[{}]", channel.sampler);
-        let keys = keys(document, sampler, property, width, &own)?;
+        let keys = keys(document, sampler, Some(property), width, &sampler_place)?;
         tracks.push(Track { slot, property, keys });
     }
-    let seconds = tracks.iter().map(|track| track.keys.end()).fold(0.0, f32::max);
+    if let Some(originals) = document.originals.as_ref().filter(|_| !changes.is_empty()) {
+        // What they change must be there, and become what it may be.
+        originals.at(&changes, 0.0, document.file())?;
+    }
+    let all = tracks.iter().map(|track| &track.keys).chain(changes.iter().map(|change| &change.keys));
+    let seconds = all.map(Keys::end).fold(0.0, f32::max);
     let name = if animation.name.is_empty() { own } else { animation.name.clone() };
-    let weights = tracks.iter().enumerate().filter(|(_, track)| track.property == Property::Weights);
-    let weights = weights.map(|(i, track)| (track.slot, i)).collect();
-    Ok(Clip { name, seconds, tracks, weights })
+    let of = |property: Property| {
+        let tracks = tracks.iter().enumerate().filter(|(_, track)| track.property == property);
+        tracks.map(|(i, track)| (track.slot, i)).collect()
+    };
+    let (weights, visible) = (of(Property::Weights), of(Property::Visible));
+    Ok(Clip { name, seconds, weights, visible, tracks, changes })
+}
+
+/// The sampler of `channel`, which is at `place`, and where it is.
+fn sampler<'d>(
+    document: &Document<'_>,
+    animation: &'d Animation,
+    channel: &Channel,
+    place: &str,
+) -> Result<(&'d AnimationSampler, String), SceneError> {
+    let samplers = format!("{}.samplers", place.split_once('.').map_or(place, |(own, _)| own));
+    let at = format!("{place}.sampler");
+    let sampler = document.get(&animation.samplers, channel.sampler, &samplers, &at)?;
+    Ok((sampler, format!("{samplers}[{}]", channel.sampler)))
+}
+
+/// What `channel` changes of a material, a light or a camera; `None`, with a warning, where `pointer` leads to something else.
+fn change(
+    document: &Document<'_>,
+    animation: &Animation,
+    channel: &Channel,
+    pointer: &str,
+    place: &str,
+) -> Result<Option<Change>, SceneError> {
+    let root = &document.root;
+    let lights = root.extensions.lights.as_ref().map_or(0, |lights| lights.lights.len());
+    let is_there = Part::of(pointer).is_some_and(|part| match part {
+        Part::Material(index) => index < root.materials.len(),
+        Part::Camera(index) => index < root.cameras.len(),
+        Part::Light(index) => index < lights,
+    });
+    if !is_there {
+        let path = pointer::template(pointer);
+        let message = format!(
+            "changes of \"{path}\" are not drawn; those of where nodes are, whether they are seen, and of their weights, \
+             materials, lights and cameras are"
+        );
+        document.warn("animations", message);
+        return Ok(None);
+    }
+    let (sampler, own) = sampler(document, animation, channel, place)?;
+    let at = format!("{own}.output");
+    let width = match document.get(&root.accessors, sampler.output, "accessors", &at)?.kind.as_str() {
+        "SCALAR" => 1,
+        "VEC2" => 2,
+        "VEC3" => 3,
+        "VEC4" => 4,
+        kind => return Err(document.invalid(&at, format!("has type {kind}, expected SCALAR to VEC4"))),
+    };
+    let keys = keys(document, sampler, None, width, &own)?;
+    Ok(Some(Change { pointer: pointer.to_owned(), place: format!("{place}.target"), keys }))
 }
 
 /// What a channel changes; `None` where that is nothing in the scene.
@@ -105,6 +183,7 @@ fn target(
         "rotation" => Property::Rotation,
         "scale" => Property::Scale,
         "weights" => Property::Weights,
+        pointer::VISIBLE => Property::Visible,
         _ => {
             let known = "translation, rotation, scale and weights are";
             document.warn("animations", format!("changes of \"{path}\" are not drawn; those of {known}"));
@@ -116,7 +195,7 @@ fn target(
     let place = format!("{place}.target.node");
     document.get(&document.root.nodes, node, "nodes", &place)?;
     let Some(slot) = hierarchy.slot(node) else { return Ok(None) };
-    if property != Property::Weights && !hierarchy.has_parts(slot) {
+    if !matches!(property, Property::Weights | Property::Visible) && !hierarchy.has_parts(slot) {
         let message = format!("animates the {path} of nodes[{node}], which has a matrix instead");
         return Err(document.invalid(&place, message));
     }
@@ -136,16 +215,17 @@ fn target_count(document: &Document<'_>, channel: &Channel, place: &str) -> Resu
     Ok(count)
 }
 
+/// The keys of `sampler`, which is at `own`, for a property of a node, or another one of `width` numbers.
 fn keys(
     document: &Document<'_>,
     sampler: &AnimationSampler,
-    property: Property,
+    property: Option<Property>,
     width: usize,
     own: &str,
 ) -> Result<Keys, SceneError> {
     let interpolation = match (sampler.interpolation.as_deref(), property) {
         (Some("STEP"), _) => Interpolation::Step,
-        (None | Some("LINEAR"), Property::Rotation) => Interpolation::Spherical,
+        (None | Some("LINEAR"), Some(Property::Rotation)) => Interpolation::Spherical,
         (None | Some("LINEAR"), _) => Interpolation::Linear,
         (Some("CUBICSPLINE"), _) => Interpolation::Cubic,
         (Some(other), _) => {
@@ -156,16 +236,21 @@ fn keys(
     let times = times(document, sampler.input, &format!("{own}.input"))?;
     let place = format!("{own}.output");
     let values: Vec<f32> = match property {
-        Property::Translation | Property::Scale => {
+        Some(Property::Translation | Property::Scale) => {
             document.read_floats(sampler.output, &place, &["VEC3"], [0.0; 3])?.into_flattened()
         }
         // The tangents of splines are no rotations.
-        Property::Rotation if interpolation == Interpolation::Cubic => {
+        Some(Property::Rotation) if interpolation == Interpolation::Cubic => {
             document.read_floats(sampler.output, &place, &["VEC4"], [0.0; 4])?.into_flattened()
         }
-        Property::Rotation => rotations(document, sampler.output, &place)?.into_flattened(),
-        Property::Weights => {
+        Some(Property::Rotation) => rotations(document, sampler.output, &place)?.into_flattened(),
+        Some(Property::Weights | Property::Visible) => {
             document.read_floats(sampler.output, &place, &["SCALAR"], [0.0])?.into_flattened()
+        }
+        None => {
+            let kinds = ["SCALAR", "VEC2", "VEC3", "VEC4"];
+            let values = document.read_floats(sampler.output, &place, &kinds, [0.0; 4])?;
+            values.into_iter().flat_map(|value| value.into_iter().take(width)).collect()
         }
     };
     let per_key = interpolation.elements() * width;

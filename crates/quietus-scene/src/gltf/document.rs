@@ -8,6 +8,7 @@ use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
+use super::changes::Originals;
 use super::choice::{self, Choice};
 use super::container;
 use super::extensions;
@@ -39,6 +40,8 @@ pub(super) struct Document<'a> {
     decompressed: Vec<OnceCell<Vec<u8>>>,
     warnings: RefCell<Warnings>,
     geometry_bytes: Cell<u64>,
+    /// Where animations change materials, lights or cameras: these as the file has them.
+    pub originals: Option<Originals>,
 }
 
 impl<'a> Document<'a> {
@@ -49,14 +52,10 @@ impl<'a> Document<'a> {
         root.materials.iter_mut().for_each(glossiness::rewrite);
         root.animations.iter_mut().flat_map(|animation| &mut animation.channels).for_each(pointer::rewrite);
         choice.apply(&mut root, file)?;
-        let mut document = Self {
-            file,
-            root,
-            buffers: Vec::new(),
-            decompressed: Vec::new(),
-            warnings: RefCell::default(),
-            geometry_bytes: Cell::new(0),
-        };
+        let mut channels = root.animations.iter().flat_map(|animation| &animation.channels);
+        let originals = channels.any(|channel| channel.target.extensions.pointer.is_some());
+        let originals = originals.then(|| Originals::new(parts.json));
+        let mut document = Self { originals, ..Self::of_parts(file, root) };
         document.decompressed.resize_with(document.root.buffer_views.len(), OnceCell::new);
         document.check_version()?;
         extensions::check(&document)?;
@@ -72,6 +71,19 @@ impl<'a> Document<'a> {
             document.buffers.push(data);
         }
         Ok(document)
+    }
+
+    /// The parts of `file` that `root` has, without any buffer.
+    pub(super) fn of_parts(file: &'a Path, root: Root) -> Self {
+        Self {
+            file,
+            root,
+            buffers: Vec::new(),
+            decompressed: Vec::new(),
+            warnings: RefCell::default(),
+            geometry_bytes: Cell::new(0),
+            originals: None,
+        }
     }
 
     pub(super) fn error(&self, kind: ErrorKind, place: &str, message: impl Into<String>) -> SceneError {
@@ -177,6 +189,7 @@ impl<'a> Document<'a> {
             None | Some("NONE") => (Filter::None, |_| true),
             Some("OCTAHEDRAL") => (Filter::Octahedral, |stride| stride == 4 || stride == 8),
             Some("QUATERNION") => (Filter::Quaternion, |stride| stride == 8),
+            Some("COLOR") => (Filter::Color, |stride| stride == 4 || stride == 8),
             Some("EXPONENTIAL") => (Filter::Exponential, |_| true),
             Some(other) => return invalid("filter", format!("is \"{other}\", which is not known")),
         };

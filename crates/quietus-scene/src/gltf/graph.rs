@@ -5,7 +5,8 @@ use std::collections::{HashMap, HashSet};
 use glam::{Affine3A, Quat, Vec3};
 use quietus_trace::desc::{Camera, FrameAxis, Instance, Light, Projection, SpotFalloff};
 
-use super::animation;
+use super::animation::{self, Clip};
+use super::changes::Originals;
 use super::choice;
 use super::document::Document;
 use super::hierarchy::Hierarchy;
@@ -22,6 +23,11 @@ use crate::error::{SceneError, Warnings};
 pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
     let hierarchy = Hierarchy::read(&document)?;
     let clips = animation::clips(&document, &hierarchy)?;
+    // Where animations show and hide nodes, all may be seen some time.
+    let mut seen = hierarchy.visible(None);
+    if clips.iter().any(Clip::changes_visibility) {
+        seen.fill(true);
+    }
     let nodes = hierarchy.indices().map(|index| &document.root.nodes[index]);
     let mut reader = Reader {
         document: &document,
@@ -34,12 +40,23 @@ pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
         cameras: Vec::new(),
         names: HashMap::new(),
         lights: Vec::new(),
+        camera_sources: Vec::new(),
+        light_sources: Vec::new(),
+        seen,
     };
     for (slot, index) in hierarchy.indices().enumerate() {
         reader.read_node(slot, index)?;
     }
-    reader.materials.load_pictures()?;
+    let pictures = reader.materials.load_pictures()?;
     let Reader { materials, figures, skins, models, cameras, lights, .. } = reader;
+    let originals = document.originals.as_ref().map(|originals| Originals {
+        materials: materials.ids.clone(),
+        textures: materials.texture_ids.clone(),
+        pictures,
+        cameras: reader.camera_sources,
+        lights: reader.light_sources,
+        ..originals.clone()
+    });
     let Materials { materials, textures, media, .. } = materials;
     let scenes = choice::scene_names(&document.root);
     let variants = variants::names(&document.root);
@@ -57,6 +74,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
         materials,
         textures,
         media,
+        originals,
         geometry_bytes: 0,
         warnings: Warnings::default(),
     };
@@ -79,6 +97,11 @@ struct Reader<'d, 'f> {
     /// Names of cameras, and the number that the next of the same name gets.
     names: HashMap<String, usize>,
     lights: Vec<(usize, Light)>,
+    /// Their indices in the file.
+    camera_sources: Vec<usize>,
+    light_sources: Vec<usize>,
+    /// Whether what nodes hold, cameras aside, may be seen, by slot.
+    seen: Vec<bool>,
 }
 
 impl Reader<'_, '_> {
@@ -86,8 +109,8 @@ impl Reader<'_, '_> {
         let document = self.document;
         let node = &document.root.nodes[index];
         let own = format!("nodes[{index}]");
-        let visible = self.hierarchy.is_visible(slot);
-        if let Some(mesh) = node.mesh.filter(|_| visible) {
+        let seen = self.seen[slot];
+        if let Some(mesh) = node.mesh.filter(|_| seen) {
             self.read_model(slot, node, mesh, &own)?;
         }
         if let Some(index) = node.camera {
@@ -95,9 +118,11 @@ impl Reader<'_, '_> {
             let source = &document.root.cameras[index];
             let name = self.camera_name([&source.name, &node.name, &format!("cameras[{index}]")]);
             self.cameras.push((slot, Camera { name, ..camera }));
+            self.camera_sources.push(index);
         }
-        if let Some(source) = node.extensions.light.as_ref().filter(|_| visible) {
+        if let Some(source) = node.extensions.light.as_ref().filter(|_| seen) {
             self.lights.push((slot, light(document, source.light, &own)?));
+            self.light_sources.push(source.light);
         }
         Ok(())
     }
@@ -188,7 +213,7 @@ fn copies(
 }
 
 /// Camera `index`, referred to from `place`, in the origin and without a name.
-fn camera(document: &Document<'_>, index: usize, place: &str) -> Result<Camera, SceneError> {
+pub(super) fn camera(document: &Document<'_>, index: usize, place: &str) -> Result<Camera, SceneError> {
     let camera = document.get(&document.root.cameras, index, "cameras", place)?;
     let place = format!("cameras[{index}]");
     let still = Camera::perspective("", Affine3A::IDENTITY, 1.0);
@@ -230,7 +255,7 @@ fn camera(document: &Document<'_>, index: usize, place: &str) -> Result<Camera, 
 }
 
 /// Light `index`, held by the node `own`, in the origin and shining to -z.
-fn light(document: &Document<'_>, index: usize, own: &str) -> Result<Light, SceneError> {
+pub(super) fn light(document: &Document<'_>, index: usize, own: &str) -> Result<Light, SceneError> {
     let lights = document.root.extensions.lights.as_ref().map_or(&[][..], |lights| &lights.lights);
     let name = "extensions.KHR_lights_punctual.lights";
     let source = document.get(lights, index, name, &format!("{own}.{name}"))?;

@@ -35,7 +35,7 @@ struct Placed {
     parent: Option<usize>,
     /// In the rest pose.
     local: Local,
-    /// Whether what it holds, cameras aside, is to be seen (KHR_node_visibility).
+    /// Whether what it and nodes below it hold, cameras aside, is to be seen (KHR_node_visibility).
     visible: bool,
 }
 
@@ -62,8 +62,7 @@ impl Hierarchy {
             }
             let own = format!("nodes[{index}]");
             let local = local(document, node, &own)?;
-            let shown = parent.is_none_or(|parent: usize| hierarchy.nodes[parent].visible);
-            let visible = shown && node.extensions.visibility.visible;
+            let visible = node.extensions.visibility.visible;
             hierarchy.nodes.push(Placed { index, parent, local, visible });
             for (i, &child) in node.children.iter().enumerate().rev() {
                 waiting.push((child, Some(slot), format!("{own}.children[{i}]")));
@@ -87,9 +86,14 @@ impl Hierarchy {
         self.slots.get(&index).copied()
     }
 
-    /// Whether what the node in `slot` holds, cameras aside, is to be seen.
-    pub(super) fn is_visible(&self, slot: usize) -> bool {
-        self.nodes[slot].visible
+    /// Whether what nodes hold, cameras aside, is to be seen, by slot: at a time of `clip` in seconds, or in the rest pose.
+    pub(super) fn visible(&self, clip: Option<(&Clip, f32)>) -> Vec<bool> {
+        let mut visible: Vec<bool> = Vec::with_capacity(self.nodes.len());
+        for (slot, node) in self.nodes.iter().enumerate() {
+            let own = clip.and_then(|(clip, time)| clip.visible(slot, time)).unwrap_or(node.visible);
+            visible.push(own && node.parent.is_none_or(|parent| visible[parent]));
+        }
+        visible
     }
 
     /// Whether animations may move the node in `slot`.

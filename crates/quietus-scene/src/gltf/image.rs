@@ -29,6 +29,8 @@ pub(super) struct Pictures<'d> {
     known: HashMap<(usize, Encoding), usize>,
     /// Which textures wait for which of them.
     waiting: Vec<(TextureId, usize)>,
+    /// Those that were decoded before.
+    decoded: HashMap<(usize, Encoding), Arc<Image>>,
 }
 
 /// A picture still to be decoded.
@@ -43,8 +45,14 @@ struct Job<'d> {
 }
 
 impl<'d> Pictures<'d> {
-    pub(super) fn new() -> Self {
-        Self { jobs: Vec::new(), known: HashMap::new(), waiting: Vec::new() }
+    /// With those that were `decoded` before.
+    pub(super) fn new(decoded: HashMap<(usize, Encoding), Arc<Image>>) -> Self {
+        Self { jobs: Vec::new(), known: HashMap::new(), waiting: Vec::new(), decoded }
+    }
+
+    /// Image `index` if it was decoded before.
+    pub(super) fn decoded(&self, index: usize, encoding: Encoding) -> Option<Arc<Image>> {
+        self.decoded.get(&(index, encoding)).cloned()
     }
 
     /// Asks for image `index`, referred to from `place`, for the next texture: `texture`.
@@ -66,8 +74,11 @@ impl<'d> Pictures<'d> {
         Ok(())
     }
 
-    /// Decodes them on the threads of rayon's pool and puts them in their places.
-    pub(super) fn load(self, textures: &mut [Texture]) -> Result<(), SceneError> {
+    /// Decodes them on the threads of rayon's pool and puts them in their places; gives them, too.
+    pub(super) fn load(
+        self,
+        textures: &mut [Texture],
+    ) -> Result<HashMap<(usize, Encoding), Arc<Image>>, SceneError> {
         let budget = Budget::default();
         let decoded: Vec<_> = self.jobs.into_par_iter().map(|job| job.decode(&budget)).collect();
         let images = decoded.into_iter().collect::<Result<Vec<_>, _>>()?;
@@ -76,7 +87,7 @@ impl<'d> Pictures<'d> {
                 texture.image = Arc::clone(&images[image]);
             }
         }
-        Ok(())
+        Ok(self.known.into_iter().map(|(key, image)| (key, Arc::clone(&images[image]))).collect())
     }
 }
 

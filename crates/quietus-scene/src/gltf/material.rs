@@ -9,13 +9,14 @@ use quietus_trace::desc::{
     MetalRough, Roughness, ScalarParam, Surface, Texels, Texture, TextureId, ThinFilm,
 };
 
+use super::changes::Originals;
 use super::document::Document;
 use super::image::{Encoding, Pictures};
 use super::schema::{self, TextureInfo};
 use crate::error::SceneError;
 
 /// Texture, encoding, set of coordinates, and the transform's bits.
-type TextureKey = (usize, Encoding, u8, [u32; 6]);
+pub(super) type TextureKey = (usize, Encoding, u8, [u32; 6]);
 
 /// Collects the materials that are used, and only those.
 pub(super) struct Materials<'d, 'f> {
@@ -26,7 +27,7 @@ pub(super) struct Materials<'d, 'f> {
     /// What is inside of things of a material.
     interiors: HashMap<MaterialId, MediumId>,
     /// By their index in the file, and whether they are for points and lines that are not lit.
-    ids: HashMap<(Option<usize>, bool), MaterialId>,
+    pub(super) ids: HashMap<(Option<usize>, bool), MaterialId>,
     /// Which sets of texture coordinates of a mesh a material looks at, where they are not the first two.
     uv_sets: HashMap<MaterialId, [usize; 2]>,
     /// Those of the material at work, as far as it was read.
@@ -49,7 +50,7 @@ impl<'d, 'f> Materials<'d, 'f> {
             uv_sets: HashMap::new(),
             slots: [None; 2],
             texture_ids: HashMap::new(),
-            pictures: Pictures::new(),
+            pictures: Pictures::new(HashMap::new()),
             to_come: Arc::new(Image {
                 name: String::new(),
                 width: 1,
@@ -57,6 +58,18 @@ impl<'d, 'f> Materials<'d, 'f> {
                 texels: Texels::Linear8(vec![[0; 4]]),
             }),
         }
+    }
+
+    /// A reader that goes on where another one had come to `materials`, textures and media, to read materials of `originals`
+    /// again.
+    pub(super) fn resume(
+        document: &'d Document<'f>,
+        originals: &Originals,
+        (materials, textures, media): (Vec<Material>, Vec<Texture>, Vec<Medium>),
+    ) -> Self {
+        let texture_ids = originals.textures.clone();
+        let pictures = Pictures::new(originals.pictures.clone());
+        Self { materials, textures, media, texture_ids, pictures, ..Self::new(document) }
     }
 
     /// Material `index`, referred to from `place`; glTF's default material where there is none. Where it is to be `flat` it

@@ -340,7 +340,7 @@ fn triangles(
     place: &str,
 ) -> Result<Vec<[u32; 3]>, SceneError> {
     let count = indices.len();
-    if topology == Topology::Triangles && count % 3 != 0 {
+    if topology == Topology::Triangles && !count.is_multiple_of(3) {
         return Err(document.invalid(place, format!("{count} corners, expected a multiple of 3")));
     }
     document.claim_geometry(place, count as u64 * size_of::<[u32; 3]>() as u64)?;

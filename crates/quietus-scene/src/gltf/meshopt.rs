@@ -1,5 +1,5 @@
-//! Decompression of buffer views: EXT_meshopt_compression (its specification's appendices A and B are the sections
-//! named below).
+//! Decompression of buffer views: EXT_meshopt_compression, and KHR_meshopt_compression, which adds a second version of
+//! attributes and a filter of colours (its specification's appendices A and B are the sections named below).
 //!
 //! The sizes of the results are stated by the file and checked against its limits before anything is decoded here.
 
@@ -27,7 +27,12 @@ pub(super) enum Filter {
     Quaternion,
     /// Mantissas and exponents become floats.
     Exponential,
+    /// Luma and two differences of colour become red, green and blue.
+    Color,
 }
+
+/// Header of attributes in the second version.
+const VERSION_1: u8 = 0xa1;
 
 /// Elements per group: their differences are packed together.
 const GROUP: usize = 16;
@@ -43,8 +48,10 @@ pub(super) fn decode(
     count: usize,
     stride: usize,
 ) -> Result<Vec<u8>, String> {
-    // A byte of elements takes at least two bits for every sixteen, an index or triangle at least a byte.
+    // A byte of elements takes at least two bits for every sixteen (four bytes of up to 256 at least a byte in the second
+    // version), an index or triangle at least a byte.
     let most = match mode {
+        Mode::Attributes if data.first() == Some(&VERSION_1) => data.len().saturating_mul(1024) / stride,
         Mode::Attributes => data.len().saturating_mul(64) / stride,
         Mode::Triangles => data.len().saturating_mul(3),
         Mode::Indices => data.len(),
@@ -114,23 +121,30 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Section "Mode 0: attributes".
+/// Section "Mode 0: attributes", of both versions: the first one has neither controls nor channels.
 fn attributes(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, String> {
-    let (mut reader, tail) = Reader::open(data, 0xa0, stride.max(32))?;
-    // The first element ends the tail.
-    let mut previous = tail[tail.len() - stride..].to_vec();
+    let second = data.first() == Some(&VERSION_1);
+    let (header, tail, least) =
+        if second { (VERSION_1, stride + stride / 4, 24) } else { (0xa0, stride, 32) };
+    let (mut reader, end) = Reader::open(data, header, tail.max(least))?;
+    // The first element ends the tail, with how its numbers are joined behind it.
+    let (first, channels) = end[end.len() - tail..].split_at(stride);
+    let mut previous = first.to_vec();
     let mut bytes = vec![0; count * stride];
     let most = ((8192 / stride) & !(GROUP - 1)).min(256);
     for block in bytes.chunks_mut(most * stride) {
-        for (k, previous) in previous.iter_mut().enumerate() {
-            let groups = (block.len() / stride).div_ceil(GROUP);
-            let modes = reader.take(groups.div_ceil(4))?;
-            for group in 0..groups {
-                let deltas = group_deltas(&mut reader, modes[group / 4] >> (2 * (group % 4)) & 3)?;
-                for (element, delta) in block[group * GROUP * stride..].chunks_mut(stride).zip(deltas) {
-                    *previous = previous.wrapping_add(unzigzag(delta));
-                    element[k] = *previous;
-                }
+        let controls = reader.take(channels.len())?;
+        for (k, previous) in previous.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+            let control = controls.get(k).copied();
+            let elements = block.len() / stride;
+            let mut planes: [Vec<u8>; 4] = Default::default();
+            for (j, plane) in planes.iter_mut().enumerate() {
+                *plane = deltas(&mut reader, control.map(|control| control >> (2 * j) & 3), elements)?;
+            }
+            let channel = channels.get(k).copied().unwrap_or(0);
+            for (i, element) in block.chunks_mut(stride).enumerate() {
+                *previous = join(*previous, from_fn(|j| planes[j][i]), channel)?;
+                element[4 * k..][..4].copy_from_slice(previous);
             }
         }
     }
@@ -138,24 +152,69 @@ fn attributes(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, Strin
     Ok(bytes)
 }
 
+/// Four bytes from those before and their differences: bytes, numbers of 16 bits, or bits of one of 32, which were rotated,
+/// as `channel` says.
+fn join(before: [u8; 4], deltas: [u8; 4], channel: u8) -> Result<[u8; 4], String> {
+    let short = |bytes: [u8; 4], i: usize| u16::from_le_bytes([bytes[i], bytes[i + 1]]);
+    match channel & 3 {
+        0 => Ok(from_fn(|j| before[j].wrapping_add(unzigzag(deltas[j])))),
+        1 => {
+            let sum = |i: usize| {
+                let delta = short(deltas, i);
+                let delta = (delta >> 1) ^ (delta & 1).wrapping_neg();
+                short(before, i).wrapping_add(delta).to_le_bytes()
+            };
+            let [[a, b], [c, d]] = [sum(0), sum(2)];
+            Ok([a, b, c, d])
+        }
+        2 => {
+            let bits = u32::from_le_bytes(deltas).rotate_right(u32::from(channel >> 4));
+            Ok((u32::from_le_bytes(before) ^ bits).to_le_bytes())
+        }
+        _ => Err(format!("has a channel of mode {channel:#04x}")),
+    }
+}
+
 fn unzigzag(value: u8) -> u8 {
     (value >> 1) ^ (value & 1).wrapping_neg()
 }
 
-/// Differences of one byte of sixteen elements, in 0, 2, 4 or 8 bits each as `mode` says.
-fn group_deltas(reader: &mut Reader<'_>, mode: u8) -> Result<[u8; GROUP], String> {
-    let bits = match mode {
-        0 => return Ok([0; GROUP]),
-        1 => 2,
-        2 => 4,
-        _ => {
-            let deltas = reader.take(GROUP)?;
-            return Ok(from_fn(|i| deltas[i]));
-        }
+/// Differences of one byte of `elements` elements, as `control` says in the second version.
+fn deltas(reader: &mut Reader<'_>, control: Option<u8>, elements: usize) -> Result<Vec<u8>, String> {
+    let widths = match control {
+        None => [0, 2, 4, 8],
+        Some(0) => [0, 1, 2, 4],
+        Some(1) => [1, 2, 4, 8],
+        Some(2) => return Ok(vec![0; elements]),
+        Some(_) => return Ok(reader.take(elements)?.to_vec()),
     };
+    let groups = elements.div_ceil(GROUP);
+    let modes = reader.take(groups.div_ceil(4))?;
+    let mut deltas = Vec::with_capacity(groups * GROUP);
+    for group in 0..groups {
+        let mode = modes[group / 4] >> (2 * (group % 4)) & 3;
+        deltas.extend(group_deltas(reader, widths[usize::from(mode)])?);
+    }
+    Ok(deltas)
+}
+
+/// Differences of one byte of sixteen elements, in 0, 1, 2, 4 or 8 `bits` each.
+fn group_deltas(reader: &mut Reader<'_>, bits: usize) -> Result<[u8; GROUP], String> {
+    if bits == 0 {
+        return Ok([0; GROUP]);
+    }
+    if bits == 8 {
+        let deltas = reader.take(GROUP)?;
+        return Ok(from_fn(|i| deltas[i]));
+    }
     let (per_byte, largest) = (8 / bits, (1_u8 << bits) - 1);
     let packed = reader.take(GROUP / per_byte)?;
-    let mut deltas = from_fn(|i| packed[i / per_byte] >> (8 - bits * (i % per_byte + 1)) & largest);
+    let mut deltas = from_fn(|i| {
+        let place = i % per_byte;
+        // Single bits alone begin with the lowest.
+        let shift = if bits == 1 { place } else { 8 - bits * (place + 1) };
+        packed[i / per_byte] >> shift & largest
+    });
     for delta in &mut deltas {
         // Where all bits are set the difference did not fit, and follows as a byte.
         if *delta == largest {
@@ -313,6 +372,17 @@ fn apply(filter: Filter, bytes: &mut [u8], stride: usize) {
             [x as i16, y as i16, z as i16, w]
         }),
         Filter::Quaternion => shorts(bytes, quaternion),
+        Filter::Color if stride == 4 => {
+            for element in bytes.as_chunks_mut::<4>().0 {
+                let [y, co, cg, alpha] = *element;
+                let found = color([y.into(), (co as i8).into(), (cg as i8).into(), alpha.into()], 255.0);
+                *element = found.map(|v| v as u8);
+            }
+        }
+        Filter::Color => shorts(bytes, |[y, co, cg, alpha]| {
+            let unsigned = |v: i16| i32::from(v as u16);
+            color([unsigned(y), co.into(), cg.into(), unsigned(alpha)], 65535.0).map(|v| v as u16 as i16)
+        }),
         Filter::Exponential => {
             for number in bytes.as_chunks_mut::<4>().0 {
                 let code = i32::from_le_bytes(*number);
@@ -339,6 +409,16 @@ fn octahedral([x, y, one]: [f32; 3], scale: f32) -> [f32; 3] {
     let (x, y) = (x - fold.copysign(x), y - fold.copysign(y));
     let length = (x * x + y * y + z * z).sqrt();
     [x, y, z].map(|v| (v / length * scale).round())
+}
+
+/// Red, green, blue and alpha, `scale` for 1 and rounded, of a luma, two differences and an alpha whose highest bit says how many
+/// bits all of them have.
+fn color([y, co, cg, alpha]: [i32; 4], scale: f32) -> [f32; 4] {
+    let highest = alpha.checked_ilog2().unwrap_or(0);
+    let all = (1 << (highest + 1)) - 1;
+    let alpha = alpha & (all >> 1);
+    let alpha = alpha << 1 | alpha & 1;
+    [y + co - cg, y + cg, y - co - cg, alpha].map(|v| (v as f32 * (scale / all as f32)).round())
 }
 
 /// The quaternion whose largest component was left out; which one that is stands in the lowest bits of the last

@@ -36,6 +36,24 @@ fn attributes_of_three_blocks() {
     assert_eq!(found.as_deref(), Ok(&[1, 2, 3, 4][..]));
 }
 
+/// Streams of version 1, by meshoptimizer's own encoder (its package 1.3 for JavaScript, at its highest level), of numbers
+/// that it packs by bytes and by pairs of them, and of some that change but in a few of their 32 bits.
+#[test]
+fn attributes_of_the_second_version() {
+    let mut random = random(1);
+    let element = |i: u32| -> [u8; 16] {
+        let [[a, b], [c, d], [e, f], [g, h]] =
+            [i * 37, i * i, random(), i / 100].map(|n| (n as u16).to_le_bytes());
+        let [p, q, r, s] = i.wrapping_mul(0x9e37_79b1).to_le_bytes();
+        [a, b, c, d, e, f, g, h, 7, 0, 0, 255, p, q, r, s]
+    };
+    let expected: Vec<u8> = (0..700).flat_map(element).collect();
+    let found = decode(Mode::Attributes, Filter::None, stored!("attributes-v1.bin"), 700, 16);
+    assert_eq!(found.as_deref(), Ok(&expected[..]));
+    let found = decode(Mode::Attributes, Filter::None, stored!("xor-v1.bin"), 256, 4);
+    assert_eq!(found.as_deref(), Ok(stored!("xor-v1.out").as_slice()));
+}
+
 /// The same triangles: the encoder may begin them with another corner.
 #[test]
 fn triangles_of_a_grid_and_of_none() {
@@ -84,6 +102,8 @@ fn filters() {
     };
     near(&bytes(Filter::Octahedral, stored!("octahedral-8.bin"), 8), stored!("octahedral-8.out"));
     near(&bytes(Filter::Quaternion, stored!("quaternion-8.bin"), 8), stored!("quaternion-8.out"));
+    assert_eq!(bytes(Filter::Color, stored!("color-4.bin"), 4), stored!("color-4.out"));
+    assert_eq!(bytes(Filter::Color, stored!("color-8.bin"), 8), stored!("color-8.out"));
     assert_eq!(bytes(Filter::Exponential, stored!("exponential-12.bin"), 12), stored!("exponential-12.out"));
 }
 
@@ -95,6 +115,8 @@ fn what_is_wrong_is_said() {
     let sound = stored!("attributes.bin");
     assert_eq!(fail(Mode::Attributes, &[], 0, 4), "is empty");
     assert_eq!(fail(Mode::Triangles, &[0xa0; 40], 3, 4), "starts with 0xa0, expected 0xe1");
+    let end = [&[0xa1_u8, 0xaa][..], &[0; 23], &[3]].concat();
+    assert_eq!(fail(Mode::Attributes, &end, 1, 4), "has a channel of mode 0x03");
     assert_eq!(fail(Mode::Attributes, &sound[..9], 1, 4), "ends before its tail");
     assert_eq!(fail(Mode::Attributes, &sound[..sound.len() - 1], 700, 12), "ends too early");
     assert!(fail(Mode::Attributes, sound, 300, 12).ends_with("bytes too many"));
@@ -111,7 +133,7 @@ fn what_is_wrong_is_said() {
 proptest! {
     /// Neither panics nor endless loops, whatever the data.
     #[test]
-    fn any_bytes(header in prop::sample::select(vec![0xa0_u8, 0xe1, 0xd1]), mut data in prop::collection::vec(any::<u8>(), 0..300),
+    fn any_bytes(header in prop::sample::select(vec![0xa0_u8, 0xa1, 0xe1, 0xd1]), mut data in prop::collection::vec(any::<u8>(), 0..300),
         count in 0_usize..200, stride in prop::sample::select(vec![4_usize, 8, 12, 256])) {
         data.insert(0, header);
         for filter in [Filter::None, Filter::Exponential] {
@@ -122,7 +144,7 @@ proptest! {
                 prop_assert_eq!(bytes.len(), count / 3 * 12);
             }
         }
-        for filter in [Filter::Octahedral, Filter::Quaternion] {
+        for filter in [Filter::Octahedral, Filter::Quaternion, Filter::Color] {
             let _ = decode(Mode::Attributes, filter, &data, count, 8);
         }
     }

@@ -11,6 +11,7 @@
 
 mod accessor;
 mod animation;
+mod changes;
 mod choice;
 mod container;
 mod deform;

@@ -7,10 +7,12 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Vec3};
 use quietus_trace::desc::{
-    Camera, Geometry, Instance, Light, Material, Medium, Mesh, Object, ObjectId, SceneDesc, Shape, Texture,
+    Camera, Geometry, Instance, Light, Material, MaterialId, Medium, MediumInterface, Mesh, Object, ObjectId,
+    SceneDesc, Shape, Texture,
 };
 
 use super::animation::Clip;
+use super::changes::{Changed, Originals};
 use super::deform::{self, Bend, Vertices, deform};
 use super::document::MAX_GEOMETRY_BYTES;
 use super::hierarchy::Hierarchy;
@@ -41,6 +43,8 @@ pub(crate) struct Stage {
     pub(super) materials: Vec<Material>,
     pub(super) textures: Vec<Texture>,
     pub(super) media: Vec<Medium>,
+    /// Where animations change materials, lights or cameras.
+    pub(super) originals: Option<Originals>,
     pub(super) geometry_bytes: u64,
     pub(super) warnings: Warnings,
 }
@@ -95,21 +99,33 @@ impl Stage {
         };
         let open = self.pose(clip.map(|clip| (clip, opens)))?;
         let close = if closes > opens { Some(self.pose(clip.map(|clip| (clip, closes)))?) } else { None };
-        let scene = SceneDesc {
+        let visible = self.hierarchy.visible(clip.map(|clip| (clip, opens)));
+        let mut changed = Changed {
             materials: self.materials.clone(),
             textures: self.textures.clone(),
             media: self.media.clone(),
-            ..SceneDesc::default()
+            ..Changed::default()
         };
+        if let (Some(originals), Some(clip)) = (&self.originals, clip) {
+            changed = originals.apply(&clip.changes, opens, &self.file, changed)?;
+        }
+        let Changed { materials, textures, media, instead, cameras, lights } = changed;
+        let scene = SceneDesc { materials, textures, media, ..SceneDesc::default() };
         let geometry_bytes = Cell::new(self.geometry_bytes);
         let warnings = self.warnings.clone();
-        let mut take =
-            Take { stage: self, open, close, scene, objects: HashMap::new(), geometry_bytes, warnings };
-        for (index, model) in self.models.iter().enumerate() {
+        let objects = HashMap::new();
+        let mut take = Take { stage: self, open, close, scene, objects, instead, geometry_bytes, warnings };
+        for (index, model) in self.models.iter().enumerate().filter(|(_, model)| visible[model.slot]) {
             take.add_model(index, model)?;
         }
-        self.cameras.iter().for_each(|(slot, camera)| take.add_camera(*slot, camera));
-        self.lights.iter().for_each(|(slot, light)| take.add_light(*slot, light));
+        for (i, (slot, camera)) in self.cameras.iter().enumerate() {
+            let changed =
+                cameras.get(&i).map(|changed| Camera { name: camera.name.clone(), ..changed.clone() });
+            take.add_camera(*slot, changed.as_ref().unwrap_or(camera));
+        }
+        for (i, (slot, light)) in self.lights.iter().enumerate().filter(|(_, light)| visible[light.0]) {
+            take.add_light(*slot, lights.get(&i).unwrap_or(light));
+        }
         Ok((take.scene, take.warnings))
     }
 
@@ -153,6 +169,8 @@ struct Take<'a> {
     close: Option<Pose>,
     scene: SceneDesc,
     objects: HashMap<Form, ObjectId>,
+    /// What stands in for materials, and what is inside of them.
+    instead: HashMap<MaterialId, (MaterialId, Option<MediumInterface>)>,
     geometry_bytes: Cell<u64>,
     warnings: Warnings,
 }
@@ -214,6 +232,8 @@ impl Take<'_> {
 
     /// A part of the model `index`, bent as it is when the shutter opens and closes.
     fn shape(&self, index: usize, model: &Model, part: &Part) -> Result<Shape, SceneError> {
+        let unchanged = (part.material, part.media);
+        let (material, media) = self.instead.get(&part.material).copied().unwrap_or(unchanged);
         let joints = |pose: &Pose| match model.skin {
             Some(skin) => self.stage.skins[&skin].matrices(&pose.worlds),
             None => Vec::new(),
@@ -224,10 +244,7 @@ impl Take<'_> {
         let closing =
             closing.filter(|(joints, weights)| *joints != opening || *weights != &self.open.weights[index]);
         if closing.is_none() && model.skin.is_none() && weights.iter().all(|&weight| weight == 0.0) {
-            return Ok(Shape {
-                media: part.media,
-                ..Shape::new(Geometry::Mesh(Arc::clone(&part.mesh)), part.material)
-            });
+            return Ok(Shape { media, ..Shape::new(Geometry::Mesh(Arc::clone(&part.mesh)), material) });
         }
         self.claim(part, index)?;
         let bent = |weights: &[f32], joints: &[Affine3A]| {
@@ -249,8 +266,7 @@ impl Take<'_> {
         };
         // Triangles of mirrored joints come out clockwise.
         let flipped = opening.first().is_some_and(|joint| deform::mirror(&joint.matrix3) < 0.0);
-        let media = part.media;
-        Ok(Shape { flipped, media, ..Shape::new(Geometry::Mesh(Arc::new(mesh)), part.material) })
+        Ok(Shape { flipped, media, ..Shape::new(Geometry::Mesh(Arc::new(mesh)), material) })
     }
 
     fn check_finite(&self, index: usize, vertices: &Vertices) -> Result<(), SceneError> {

@@ -1,9 +1,10 @@
 //! Textures that materials use, and how they are sampled.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{Affine2, Mat2, Vec2};
-use quietus_trace::desc::{ImageTexture, Mapping, TexelFilter, Texture, TextureId, Wrap};
+use quietus_trace::desc::{Image, ImageTexture, Mapping, TexelFilter, Texture, TextureId, Wrap};
 
 use super::document::Document;
 use super::image::{Encoding, Pictures};
@@ -48,17 +49,21 @@ impl Materials<'_, '_> {
         }
         let (wrap, filter) = sampler(document, source.sampler, &own)?;
         let mapping = Mapping::Uv { set: uv_set, transform: matrix };
-        let to_come = Arc::clone(&self.to_come);
-        let texture = ImageTexture { image: to_come, wrap, filter, mapping, invert: false };
+        let decoded = self.pictures.decoded(image, encoding);
+        let is_to_come = decoded.is_none();
+        let picture = decoded.unwrap_or_else(|| Arc::clone(&self.to_come));
+        let texture = ImageTexture { image: picture, wrap, filter, mapping, invert: false };
         let id = self.push_texture(Texture::Image(texture));
-        self.pictures.ask(document, (image, &format!("{own}.source")), encoding, id)?;
+        if is_to_come {
+            self.pictures.ask(document, (image, &format!("{own}.source")), encoding, id)?;
+        }
         self.texture_ids.insert(key, id);
         Ok(Some(id))
     }
 
-    /// Decodes the pictures of all textures.
-    pub(super) fn load_pictures(&mut self) -> Result<(), SceneError> {
-        std::mem::replace(&mut self.pictures, Pictures::new()).load(&mut self.textures)
+    /// Decodes the pictures of all textures, and gives them.
+    pub(super) fn load_pictures(&mut self) -> Result<HashMap<(usize, Encoding), Arc<Image>>, SceneError> {
+        std::mem::replace(&mut self.pictures, Pictures::new(HashMap::new())).load(&mut self.textures)
     }
 
     pub(super) fn push_texture(&mut self, texture: Texture) -> TextureId {

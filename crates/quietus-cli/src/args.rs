@@ -236,9 +236,14 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_enum)]
     pub filter: Option<FilterArg>,
 
-    /// What radiance is multiplied by before it becomes the picture. [default: what the scene asks for, else 1]
+    /// What radiance is multiplied by before it becomes the picture; see --stops. [default: what the scene asks for,
+    /// else 1]
     #[arg(long, value_name = "F", allow_negative_numbers = true, value_parser = parse_factor)]
     pub exposure: Option<f32>,
+
+    /// The same in stops: each doubles or halves the light.
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "exposure", value_parser = parse_stops)]
+    pub stops: Option<f32>,
 
     /// Largest component of a sample's colour; brighter samples are darkened to it, which loses energy. "inf" lets
     /// all through. [default: what the scene asks for, else inf]
@@ -296,6 +301,13 @@ pub(crate) struct RenderArgs {
     /// How trees are rebuilt; the picture is the same. Default: resummed with free-running, otherwise summed-area.
     #[arg(long, value_enum, help_heading = "Expert")]
     pub rebuild: Option<RebuildArg>,
+}
+
+impl RenderArgs {
+    /// What radiance is multiplied by, where that is said.
+    pub(crate) fn exposure(&self) -> Option<f32> {
+        self.exposure.or(self.stops.map(f32::exp2))
+    }
 }
 
 /// Longest path that may be asked for.
@@ -423,6 +435,13 @@ pub(crate) fn parse_factor(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(factor),
         _ => Err("expected a number above 0, such as 0.5".to_owned()),
+    }
+}
+
+pub(crate) fn parse_stops(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(stops) if stops.abs() <= 64.0 => Ok(stops),
+        _ => Err("expected a number of stops from -64 to 64, such as -1.5".to_owned()),
     }
 }
 

@@ -112,7 +112,7 @@ pub(crate) fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered, wrot
 fn bound(rendered: &Rendered) -> &'static str {
     match rendered.bound {
         None => "",
-        Some(Bound::MinSamples) => "; --min-samples already makes it cleaner",
+        Some(Bound::MinSamples) => "; --min-samples alone comes to that",
         Some(Bound::MaxSamples) => "; --max-samples keeps it from less",
     }
 }

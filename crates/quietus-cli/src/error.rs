@@ -22,7 +22,7 @@ pub(crate) enum Ending {
     Output,
     /// A fault of the program.
     Internal,
-    /// Stopped by Ctrl-C.
+    /// Stopped by a signal.
     Interrupted,
 }
 
@@ -56,7 +56,7 @@ Exit codes:
     3  a scene or another input that cannot be read or drawn
     4  an output that cannot be written
    70  a fault of the program
-  130  stopped by Ctrl-C (what was done by then is written)";
+  130  stopped by Ctrl-C, SIGTERM or SIGHUP (what was done by then is written)";
 
 /// An ending with its message.
 #[derive(Debug)]

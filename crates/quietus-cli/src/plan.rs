@@ -109,7 +109,7 @@ impl Plan {
         let look = Look {
             max_depth: args.max_depth.or(depth).unwrap_or(MAX_DEPTH),
             filter: args.filter.map(filter).or(picture.filter).unwrap_or_default(),
-            exposure: args.exposure.map(Vec3::splat).or(picture.exposure).unwrap_or(Vec3::ONE),
+            exposure: args.exposure().map(Vec3::splat).or(picture.exposure).unwrap_or(Vec3::ONE),
             max_component: args.max_component.or(picture.max_component).unwrap_or(f32::INFINITY),
         };
         let mut followed = wishes(picture);
@@ -128,7 +128,7 @@ impl Plan {
             "max_samples" => args.max_samples.is_some() || !goes_by_samples(self.goal, self.sampling),
             "max_depth" => args.max_depth.is_some(),
             "filter" => args.filter.is_some(),
-            "exposure" => args.exposure.is_some(),
+            "exposure" => args.exposure().is_some(),
             "max_component" => args.max_component.is_some(),
             _ => false,
         }

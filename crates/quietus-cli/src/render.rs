@@ -357,7 +357,7 @@ fn fault_message(
     if let Some(filter) = args.filter {
         flag("--filter ", name(filter));
     }
-    if let Some(exposure) = args.exposure {
+    if let Some(exposure) = args.exposure() {
         flag("--exposure ", exposure.to_string());
     }
     if let Some(limit) = args.max_component {

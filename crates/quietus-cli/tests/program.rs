@@ -328,6 +328,8 @@ fn flags_that_make_no_sense_are_usage_errors() {
         ("render -o a.png -o ./a.png", "./a.png: named twice"),
         ("render --sampling sometimes", "invalid value 'sometimes'"),
         ("draw", "unrecognized subcommand 'draw'"),
+        ("scene.glb", "`scene.glb` is no command: `quietus render scene.glb` draws a scene"),
+        ("render --exposure 2 --stops 1", "cannot be used with"),
     ];
     for (arguments, expected) in cases {
         let message = refused(dir.path(), arguments, 2);
@@ -438,22 +440,47 @@ mod interrupts {
         child
     }
 
-    /// Whether the process of this status file has a handler for SIGINT, signal 2: bit 1 of `SigCgt`.
+    /// Whether the process of this status file has a handler for SIGINT, signal 2. It is the last that gets one.
     fn catches_interrupts(status: &str) -> bool {
-        let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
-        mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 2 != 0)
+        has_signal(status, "SigCgt:", 2)
+    }
+
+    fn has_signal(status: &str, kind: &str, signal: u32) -> bool {
+        let mask = status.lines().find_map(|line| line.strip_prefix(kind));
+        let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+        mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+    }
+
+    fn send(signal: &str, child: &Child) {
+        let status = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+        assert!(status.success());
     }
 
     fn interrupt(child: &Child) {
-        let status = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-        assert!(status.success());
+        send("-INT", child);
     }
 
     #[test]
     fn ctrl_c_writes_what_there_is_and_says_how_far_it_came() {
+        writes_what_there_is(&["-INT"]);
+    }
+
+    #[test]
+    fn farms_and_closed_terminals_leave_what_there_is() {
+        writes_what_there_is(&["-TERM"]);
+        // The shell sends it, and the system again.
+        writes_what_there_is(&["-HUP", "-HUP"]);
+    }
+
+    fn writes_what_there_is(signals: &[&str]) {
         let dir = dir();
         let child = start(dir.path());
-        interrupt(&child);
+        signals.iter().for_each(|signal| send(signal, &child));
+        // Where whoever runs the tests ignores hangups, as `nohup` does, so must the program.
+        let own = std::fs::read_to_string("/proc/self/status").unwrap();
+        if signals.contains(&"-HUP") && has_signal(&own, "SigIgn:", 1) {
+            send("-INT", &child);
+        }
         let output = child.wait_with_output().unwrap();
         assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
         assert!(stderr(&output).contains("stopping; the picture so far will be written"));

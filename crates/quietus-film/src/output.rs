@@ -160,6 +160,10 @@ fn create_beside(path: &Path) -> Result<(Temporary, File), OutputError> {
                 return Ok((Temporary { path: beside }, file));
             }
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists && number < 100 => number += 1,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                let folder = target.parent().unwrap_or(Path::new("")).display();
+                return Err(failed(io::Error::new(error.kind(), format!("there is no folder {folder}"))));
+            }
             Err(error) => return Err(failed(error)),
         }
     }

@@ -40,6 +40,19 @@ pub struct Animation {
     pub seconds: f32,
 }
 
+/// As [`gltf::open`]; a file that is not glTF, and not called so, is said to be no scene at all.
+fn open_gltf(path: &Path, choice: Choice<'_>) -> Result<Stage, SceneError> {
+    let name = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    gltf::open(path, choice).map_err(|error| {
+        let is_foreign = error.kind() == ErrorKind::Syntax && error.place() == "byte 0";
+        if !is_foreign || ["gltf", "glb"].contains(&name.as_str()) {
+            return error;
+        }
+        let message = "not a scene: expected glTF 2.0 (.gltf, .glb) or pbrt-v4 (.pbrt, .pbrt.gz)";
+        SceneError::new(ErrorKind::Unsupported, path, "", message)
+    })
+}
+
 impl SceneFile {
     /// Reads the file at `path` and everything it refers to, see [`crate::load`].
     ///
@@ -48,7 +61,7 @@ impl SceneFile {
     pub fn open(path: &Path) -> Result<Self, SceneError> {
         Ok(Self(match pbrt::is_named_like(path) {
             true => Content::Pbrt(Box::new(pbrt::load(path)?)),
-            false => Content::Gltf(Box::new(GltfFile::new(gltf::open(path, Choice::default())?))),
+            false => Content::Gltf(Box::new(GltfFile::new(open_gltf(path, Choice::default())?))),
         }))
     }
 
@@ -58,7 +71,7 @@ impl SceneFile {
     /// As [`crate::load`]; where the file has no such scene or variant.
     pub fn open_choice(path: &Path, choice: Choice<'_>) -> Result<Self, SceneError> {
         if !pbrt::is_named_like(path) {
-            return Ok(Self(Content::Gltf(Box::new(GltfFile::new(gltf::open(path, choice)?)))));
+            return Ok(Self(Content::Gltf(Box::new(GltfFile::new(open_gltf(path, choice)?)))));
         }
         let message = match choice {
             Choice { variant: None, scene: None } => return Self::open(path),

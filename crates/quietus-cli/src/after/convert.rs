@@ -9,7 +9,7 @@ use quietus_film::{
 };
 
 use super::heat::{HeatMap, Scale};
-use crate::args::parse_factor;
+use crate::args::{parse_factor, parse_stops};
 use crate::error::{EXIT_CODES, Ending, Failure};
 use crate::say;
 
@@ -90,13 +90,6 @@ pub(crate) enum ToneArg {
     Srgb,
     /// AgX: highlights roll off and lose their colour instead of being clipped.
     Agx,
-}
-
-fn parse_stops(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(stops) if stops.abs() <= 64.0 => Ok(stops),
-        _ => Err("expected a number of stops from -64 to 64, such as -1.5".to_owned()),
-    }
 }
 
 impl LayerArg {

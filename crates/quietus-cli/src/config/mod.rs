@@ -8,6 +8,7 @@ mod file;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
+use clap::error::{ContextKind, ContextValue};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command, CommandFactory, FromArgMatches};
 
@@ -38,7 +39,12 @@ const FIRST_LOOK: [&str; 4] = ["--size", "480x270", "--noise", "2%"];
 /// # Errors
 /// A file that was named and is not there, or one with something wrong in it.
 pub(crate) fn complete(mut words: Vec<OsString>) -> Result<Complete, Failure> {
-    let mut matches = parse(&words).unwrap_or_else(|error| error.exit());
+    let mut matches = parse(&words).or_else(|error| match error.get(ContextKind::InvalidSubcommand) {
+        Some(ContextValue::String(word)) if is_file_name(word) => Err(Failure::usage(format!(
+            "`{word}` is no command: `quietus render {word}` draws a scene, --help has the rest"
+        ))),
+        _ => error.exit(),
+    })?;
     if matches.subcommand().is_none() {
         // `quietus` alone is a first look at what it does: soon there rather than clean.
         words.extend(["render"].into_iter().chain(FIRST_LOOK).map(OsString::from));
@@ -68,6 +74,11 @@ pub(crate) fn complete(mut words: Vec<OsString>) -> Result<Complete, Failure> {
     };
     let completed = parse(&with(&words, &used)).map_err(|error| blame(&path, &words, &used, &error))?;
     Ok(Complete { cli: cli(&completed), origin, has_settings: !used.is_empty() })
+}
+
+/// Whether who typed this meant a file rather than a command.
+fn is_file_name(word: &str) -> bool {
+    word.contains(['.', '/', '\\']) || Path::new(word).is_file()
 }
 
 fn parse(words: &[OsString]) -> Result<ArgMatches, clap::Error> {

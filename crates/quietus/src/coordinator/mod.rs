@@ -29,7 +29,7 @@ use crate::{
     active_mask::pixels,
     inspect::tree_svg,
     morton::morton_order,
-    policy::{Policy, RuleSettings},
+    policy::{Policy, RuleSettings, StoppingRule},
     protocol::{Mode, Outcome, Protocol},
     sample_counts::SampleCounts,
     spread::Spread,
@@ -86,45 +86,30 @@ impl AdaptiveSampling {
         start.map_or(Ok(()), |start| start.check(&settings))?;
         let grid = settings.grid();
         let regions = Regions::new(grid, settings.regions_per_axis);
-        let frame = f64::from(settings.width) * f64::from(settings.height);
-        let rule_settings = RuleSettings {
-            regions: regions.clone(),
-            target_error: settings.target_error,
-            frame_area: settings.frame_area.unwrap_or(frame),
-            rebuild: settings.rebuild,
-            counts: settings.pass_counts(),
-        };
-        let mut rules: Vec<_> =
-            (0..regions.len()).map(|region| settings.policy.rule(&rule_settings, region)).collect();
         let planes: Box<[_]> = (0..settings.mode.slots()).map(|_| ErrorPlane::new(grid)).collect();
+        let mut rules = rules(&settings, &regions);
         if let Some(start) = start {
             planes.iter().for_each(|plane| start.fill(plane));
             rules.iter_mut().for_each(|rule| rule.update(&planes[0]));
         }
         let checks = TreeChecks::new(&settings, &regions, &rules);
-        let homes: Vec<u32> = (0..grid.tiles()).map(|tile| regions.home(tile)).collect();
-        let containing: Vec<Vec<u32>> =
-            (0..grid.tiles()).map(|tile| regions.containing(tile).collect()).collect();
-        let is_updated = start.is_some();
         let states: Vec<_> =
-            (0..).zip(rules).map(|(r, rule)| Region::new(&regions, r, rule, is_updated)).collect();
-        let progress = states.iter().map(Region::progress).collect();
+            (0..).zip(rules).map(|(r, rule)| Region::new(&regions, r, rule, start.is_some())).collect();
         let spread = Spread::of(&settings.pass_counts());
-        let finish = match settings.mode {
-            Mode::Deterministic { lag } => FinishRule::QuietPasses(PassLedger::new(regions.len(), lag)),
-            Mode::FreeRunning => FinishRule::AtRest(Box::new(Quiescence::new(regions.len()))),
-        };
         Ok(Self {
-            protocol: Protocol::new(settings.mode, morton_order(&grid), &homes, &containing, states),
+            progress: states.iter().map(Region::progress).collect(),
+            protocol: protocol(&settings, &regions, states),
             checks,
             planes,
             counts: match start {
                 Some(start) => start.counts(&grid, settings.replicates),
                 None => SampleCounts::new(grid.tiles(), settings.replicates),
             },
-            finish,
+            finish: match settings.mode {
+                Mode::Deterministic { lag } => FinishRule::QuietPasses(PassLedger::new(regions.len(), lag)),
+                Mode::FreeRunning => FinishRule::AtRest(Box::new(Quiescence::new(regions.len()))),
+            },
             counters: Counters::default(),
-            progress,
             untreed_passes: untreed_passes(&settings),
             first_pass: match (start, &spread) {
                 (None, _) => 0,
@@ -328,6 +313,27 @@ impl AdaptiveSampling {
             _ => counts.grown(count, self.first_pass + pass),
         }
     }
+}
+
+/// The policy's state in each region.
+fn rules(settings: &Settings, regions: &Regions) -> Vec<Box<dyn StoppingRule>> {
+    let frame = f64::from(settings.width) * f64::from(settings.height);
+    let rule_settings = RuleSettings {
+        regions: regions.clone(),
+        target_error: settings.target_error,
+        frame_area: settings.frame_area.unwrap_or(frame),
+        rebuild: settings.rebuild,
+        counts: settings.pass_counts(),
+    };
+    (0..regions.len()).map(|region| settings.policy.rule(&rule_settings, region)).collect()
+}
+
+/// Visits in Morton order of the tiles that the regions share.
+fn protocol(settings: &Settings, regions: &Regions, states: Vec<Region>) -> Protocol<Region> {
+    let tiles = 0..regions.grid().tiles();
+    let homes: Vec<u32> = tiles.clone().map(|tile| regions.home(tile)).collect();
+    let containing: Vec<Vec<u32>> = tiles.map(|tile| regions.containing(tile).collect()).collect();
+    Protocol::new(settings.mode, morton_order(regions.grid()), &homes, &containing, states)
 }
 
 /// Passes before whose end no tree is made: those that bring every pixel to its minimum, so that a region is not

@@ -10,7 +10,7 @@ use thiserror::Error;
 use self::lenses::LensSystem;
 use crate::desc::{self, FrameAxis};
 use crate::geometry::motion::Motion;
-use crate::light::equal_area_direction;
+use crate::light::{equal_area_direction, fold_square};
 
 /// Why a camera cannot be used.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -241,7 +241,7 @@ impl Camera {
                 CameraRay::new(Vec3::ZERO, direction, 1.0, Cone { radius: 0.0, spread })
             }
             Projection::EqualArea(frame) => {
-                let map = equal_area_direction(wrap_square(film / frame));
+                let map = equal_area_direction(fold_square(film / frame));
                 let direction = Vec3::new(map.x, map.z, -map.y);
                 let spread = NARROWED * 0.5 * (4.0 * PI / (frame.x * frame.y)).sqrt();
                 CameraRay::new(Vec3::ZERO, direction, 1.0, Cone { radius: 0.0, spread })
@@ -272,20 +272,6 @@ impl CameraRay {
     fn new(origin: Vec3, direction: Vec3, axis_cosine: f32, cone: Cone) -> Self {
         Self { origin, direction, axis_cosine, cone, weight: 1.0 }
     }
-}
-
-/// A place just outside of the octahedral square, where filters reach, as the one inside that lies beside it on the sphere.
-fn wrap_square(place: Vec2) -> Vec2 {
-    let mirrored = |a: f32| if a < 0.0 { -a } else { 2.0 - a };
-    let outside = |a: f32| !(0.0..=1.0).contains(&a);
-    let mut place = place;
-    if outside(place.x) {
-        place = Vec2::new(mirrored(place.x), 1.0 - place.y);
-    }
-    if outside(place.y) {
-        place = Vec2::new(1.0 - place.x, mirrored(place.y));
-    }
-    place.clamp(Vec2::ZERO, Vec2::ONE)
 }
 
 /// Share of a pixel that a ray's cone covers. A pixel's own samples see all of it: filtering textures over it once

@@ -305,7 +305,7 @@ impl<'c> Textures<'c> {
         params.ignore(&["maxanisotropy"]);
         let drawn = ImageTexture {
             image: Arc::clone(&self.missing),
-            wrap: [self.wrap(params)?; 2],
+            wrap: [wrap(params)?; 2],
             filter: match params.choice("filter", &["bilinear", "ewa", "point", "trilinear"])? {
                 "point" => TexelFilter::Nearest,
                 _ => TexelFilter::Linear,
@@ -315,20 +315,6 @@ impl<'c> Textures<'c> {
         };
         let factor = if inverted.is_some() { 1.0 } else { scale };
         Ok((self.push_image(image, drawn), factor))
-    }
-
-    fn wrap(&self, params: &Params) -> Result<Wrap> {
-        Ok(match params.choice("wrap", &["repeat", "black", "clamp", "octahedralsphere"])? {
-            "black" => Wrap::Black,
-            "clamp" => Wrap::Clamp,
-            "repeat" => Wrap::Repeat,
-            other => {
-                // What lies beside an edge on the sphere is that edge, mirrored: nearer than the opposite one.
-                let message = format!("wrapping \"{other}\" is drawn as \"clamp\"");
-                self.context.warn(params.place_of("wrap"), message);
-                Wrap::Clamp
-            }
-        })
     }
 
     /// A pattern without a picture.
@@ -426,6 +412,15 @@ fn encoding(params: &Params) -> Result<Encoding> {
             Err(Fault::invalid(params.place_of("encoding"), message))
         }
     }
+}
+
+fn wrap(params: &Params) -> Result<Wrap> {
+    Ok(match params.choice("wrap", &["repeat", "black", "clamp", "octahedralsphere"])? {
+        "black" => Wrap::Black,
+        "clamp" => Wrap::Clamp,
+        "octahedralsphere" => Wrap::Octahedral,
+        _ => Wrap::Repeat,
+    })
 }
 
 /// From coordinates that grow upwards to those of pictures, whose rows go downwards.

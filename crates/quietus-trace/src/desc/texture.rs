@@ -42,6 +42,9 @@ pub enum Wrap {
     Clamp,
     /// Black, with alpha 0.
     Black,
+    /// What lies there on the sphere of which the image is the octahedral square, see
+    /// [`EnvironmentLayout::EqualArea`](super::EnvironmentLayout::EqualArea). For both axes; for one alone the nearest edge.
+    Octahedral,
 }
 
 /// How a look-up between texels is answered.

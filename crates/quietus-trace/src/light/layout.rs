@@ -40,7 +40,7 @@ impl EnvironmentLayout {
     /// The texel that stands for column `x` and row `y` of a map, which may lie beyond its border by one: there the map
     /// goes on with what is next to it on the sphere.
     #[inline]
-    pub(super) fn wrap(self, [x, y]: [i32; 2], [width, height]: [i32; 2]) -> [i32; 2] {
+    pub(crate) fn wrap(self, [x, y]: [i32; 2], [width, height]: [i32; 2]) -> [i32; 2] {
         match self {
             // Columns wrap around, rows end at the poles.
             Self::LatLong => [x.rem_euclid(width), y.clamp(0, height - 1)],
@@ -101,4 +101,18 @@ pub(crate) fn equal_area_direction(place: Vec2) -> Vec3 {
     let z = (1.0 - radius * radius).copysign(from_edge);
     let planar = radius * (2.0 - radius * radius).max(0.0).sqrt();
     Vec3::new((planar * cos).copysign(signed.x), (planar * sin).copysign(signed.y), z)
+}
+
+/// A place outside of the octahedral square, by less than its width, as the one inside that is the same on the sphere.
+pub(crate) fn fold_square(place: Vec2) -> Vec2 {
+    let mirrored = |a: f32| if a < 0.0 { -a } else { 2.0 - a };
+    let outside = |a: f32| !(0.0..=1.0).contains(&a);
+    let mut place = place;
+    if outside(place.x) {
+        place = Vec2::new(mirrored(place.x), 1.0 - place.y);
+    }
+    if outside(place.y) {
+        place = Vec2::new(1.0 - place.x, mirrored(place.y));
+    }
+    place.clamp(Vec2::ZERO, Vec2::ONE)
 }

@@ -30,7 +30,7 @@ use crate::desc;
 use crate::isa::Isa;
 pub(crate) use bounds::{LightBounds, Receiver};
 pub(crate) use environment::Environment;
-pub(crate) use layout::equal_area_direction;
+pub(crate) use layout::{equal_area_direction, fold_square};
 pub(crate) use punctual::PunctualLight;
 use select::LightSelector;
 pub(crate) use sphere::SphereLight;

@@ -6,7 +6,8 @@ use glam::{IVec2, Vec2, Vec3, Vec4};
 
 use super::SurfacePoint;
 use super::pyramid::Pyramid;
-use crate::desc::{Image, ImageTexture, Mapping, TexelFilter, Texels, Wrap};
+use crate::desc::{EnvironmentLayout, Image, ImageTexture, Mapping, TexelFilter, Texels, Wrap};
+use crate::light::fold_square;
 
 /// The sRGB curve (IEC 61966-2-1) for all 8-bit values.
 static SRGB_TO_LINEAR: LazyLock<[f32; 256]> =
@@ -27,6 +28,8 @@ pub(super) struct FilteredImage {
     invert: bool,
     /// Whether only the image itself is looked at.
     exact: bool,
+    /// Whether look-ups are neither of single texels nor on a sphere.
+    usual: bool,
 }
 
 /// Footprints this many times longer than wide are filtered as far as to their width; longer ones further, so that no
@@ -40,7 +43,8 @@ impl FilteredImage {
     /// `texture` over its `pyramid`; `exact` says that it is never to be filtered.
     pub(super) fn new(texture: &ImageTexture, pyramid: Arc<Pyramid>, exact: bool) -> Self {
         let &ImageTexture { wrap, filter, mapping, invert, .. } = texture;
-        Self { pyramid, wrap, filter, mapping, invert, exact: exact || filter == TexelFilter::Nearest }
+        let usual = filter != TexelFilter::Nearest && wrap != [Wrap::Octahedral; 2];
+        Self { pyramid, wrap, filter, mapping, invert, exact: exact || filter == TexelFilter::Nearest, usual }
     }
 
     /// Linear RGBA at `point`.
@@ -106,12 +110,10 @@ impl FilteredImage {
     fn level(&self, level: usize, uv: Vec2) -> Vec4 {
         let image = &*self.pyramid.levels[level];
         let size = IVec2::new(image.width as i32, image.height as i32);
-        let place = uv * size.as_vec2();
-        if self.filter == TexelFilter::Nearest {
-            let place = place.floor().as_ivec2();
-            let (x, y) = (self.wrap[0].texel(place.x, size.x), self.wrap[1].texel(place.y, size.y));
-            return image.fetch(x, y);
+        if !self.usual {
+            return self.unusual(image, size, uv);
         }
+        let place = uv * size.as_vec2();
         let corner = (place - 0.5).floor();
         let c = corner.as_ivec2();
         let square = Square {
@@ -131,6 +133,28 @@ impl FilteredImage {
             }
             Texels::Float(texels) => square.interpolate(texels, Vec4::from_array),
         }
+    }
+
+    /// As [`Self::level`], for single texels and on spheres.
+    #[inline(never)]
+    fn unusual(&self, image: &Image, size: IVec2, uv: Vec2) -> Vec4 {
+        let on_sphere = self.wrap == [Wrap::Octahedral; 2];
+        let place = if on_sphere { fold_square(uv) } else { uv } * size.as_vec2();
+        let texel = |x: i32, y: i32| match on_sphere {
+            true => {
+                let [x, y] = EnvironmentLayout::EqualArea.wrap([x, y], size.to_array());
+                image.texel(x as u32, y as u32)
+            }
+            false => image.fetch(self.wrap[0].texel(x, size.x), self.wrap[1].texel(y, size.y)),
+        };
+        if self.filter == TexelFilter::Nearest {
+            let place = place.floor().as_ivec2();
+            return texel(place.x, place.y);
+        }
+        let corner = (place - 0.5).floor();
+        let (IVec2 { x, y }, between) = (corner.as_ivec2(), place - 0.5 - corner);
+        let row = |y: i32| texel(x, y).lerp(texel(x + 1, y), between.x);
+        row(y).lerp(row(y + 1), between.y)
     }
 }
 
@@ -199,14 +223,14 @@ impl Image {
 const OUTSIDE: u32 = u32::MAX;
 
 impl Wrap {
-    /// A coordinate in 0..=1 (0..=2 where mirrored, -1..=2 with a black border) that looks the same.
+    /// A coordinate in 0..=1 (0..=2 where mirrored, -1..=2 with a black border or on a sphere) that looks the same.
     #[inline]
     fn reduce(self, t: f32) -> f32 {
         match self {
             Self::Repeat => t - t.floor(),
             Self::Mirror => t - 2.0 * (0.5 * t).floor(),
             Self::Clamp => t.clamp(0.0, 1.0),
-            Self::Black => t.clamp(-1.0, 2.0),
+            Self::Black | Self::Octahedral => t.clamp(-1.0, 2.0),
         }
     }
 
@@ -223,7 +247,7 @@ impl Wrap {
             Self::Mirror if i < 0 => 0,
             Self::Mirror if i >= size => (2 * size - 1 - i).max(0),
             Self::Mirror => i,
-            Self::Clamp => i.clamp(0, size - 1),
+            Self::Clamp | Self::Octahedral => i.clamp(0, size - 1),
             Self::Black if i < 0 || i >= size => return OUTSIDE,
             Self::Black => i,
         };

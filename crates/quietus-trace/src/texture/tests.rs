@@ -81,6 +81,56 @@ fn wraps_do_what_they_say() {
     assert_eq!(outside, Vec4::ZERO);
 }
 
+/// Over the edges of the octahedral square look-ups go on with what lies there on the sphere: where the image is a smooth
+/// function of direction, there are no seams.
+#[test]
+fn octahedral_images_go_on_over_their_edges() {
+    let side = 64;
+    let color = |direction: Vec3| (0.5 + 0.5 * direction).extend(1.0).to_array();
+    let texels = (0..side * side).map(|i| {
+        let place = Vec2::new((i % side) as f32 + 0.5, (i / side) as f32 + 0.5) / side as f32;
+        color(crate::light::equal_area_direction(place))
+    });
+    let image =
+        Image { name: String::new(), width: side, height: side, texels: Texels::Float(texels.collect()) };
+    let texture = |wrap: Wrap| {
+        let image = ImageTexture {
+            wrap: [wrap; 2],
+            image: Arc::new(image.clone()),
+            ..numbers(wrap, TexelFilter::Linear)
+        };
+        [Texture::Image(image)]
+    };
+    // The map is continuous but not smooth: no direction is further from its neighbour's than two texels' diagonals. A
+    // step over an edge is as long as this share of a texel.
+    let most = 2.0 * std::f32::consts::PI / side as f32;
+    let share = 0.002 * side as f32;
+    let (sphere, tiled) = (texture(Wrap::Octahedral), texture(Wrap::Repeat));
+    let mut seams = 0;
+    for i in 0..100 {
+        let along = (i as f32 + 0.5) / 100.0;
+        for (inside, outside) in [
+            ([0.001, along], [-0.001, along]),
+            ([0.999, along], [1.001, along]),
+            ([along, 0.001], [along, -0.001]),
+            ([along, 0.999], [along, 1.001]),
+        ] {
+            let step = |textures: &[Texture; 1]| {
+                let [a, b] = [inside, outside].map(|[u, v]| look(textures, &at(u, v)));
+                (a - b).abs().max_element()
+            };
+            assert!(step(&sphere) < share * most, "{outside:?}: {}", step(&sphere));
+            seams += usize::from(step(&tiled) > share * most);
+            let [u, v] = outside;
+            let expected =
+                color(crate::light::equal_area_direction(crate::light::fold_square(Vec2::new(u, v))));
+            let found = look(&sphere, &at(u, v));
+            assert!((found - Vec4::from_array(expected)).abs().max_element() < most, "{outside:?}: {found}");
+        }
+    }
+    assert!(seams > 300, "tiles do have seams: {seams}");
+}
+
 #[test]
 fn inverted_images_show_the_opposite_and_keep_their_alpha() {
     let texture = textured(image(1, 1, |_, _| [0.25, 1.0, 3.0, 0.5]), Wrap::Repeat, TexelFilter::Linear);

@@ -13,8 +13,10 @@ use quietus_trace::desc::{
     Curves, Geometry, Instance, Material, MaterialId, MediumInterface, Mesh, Object, ObjectId, Quadric,
     SceneDesc, Shape,
 };
+use quietus_trace::texture::{SurfacePoint, TextureError, TextureTable};
 
 use super::camera::{self, Shutter};
+use super::displacement::{self, Displacement};
 use super::draft::{self, AreaLight, Draft, Form, Group};
 use super::fault::{Context, Fault, Result, unknown};
 use super::film;
@@ -61,7 +63,7 @@ pub(super) fn scene(mut draft: Draft, images: Requests, context: &Context) -> Re
     let mut meshes = made.check(context)?.into_iter();
     let images = loaded?;
 
-    let mut builder = Builder { context, materials, media: &media, images: &images, scene };
+    let mut builder = Builder { context, materials, media: &media, images: &images, heights: None, scene };
     let placed: Vec<Placed> = groups
         .into_iter()
         .enumerate()
@@ -109,6 +111,8 @@ struct Builder<'a, 'c> {
     materials: Materials<'a, 'c>,
     media: &'a Media,
     images: &'a Images,
+    /// Textures of heights, once they are asked for.
+    heights: Option<Arc<TextureTable>>,
     scene: SceneDesc,
 }
 
@@ -190,6 +194,10 @@ impl Builder<'_, '_> {
         let style = &shape.style;
         let base = self.materials.resolve(&style.material)?;
         let light = self.light(&shape, base, definition);
+        let made = match (&shape.displacement, made) {
+            (Some(displacement), Some(made)) => Some(self.displaced(&shape, displacement, &made)?),
+            (_, made) => made,
+        };
         let mut area = area(&shape, made.as_ref());
         if let Some(AreaLight { power: Some(_), image: Some(image), .. }) = light.as_deref() {
             area *= light::mean_luminance(self.images.get(*image));
@@ -214,6 +222,27 @@ impl Builder<'_, '_> {
         let flipped = style.reversed ^ exchanged;
         let (geometry, place) = self.geometry(shape.form, shape.to_world, made, material);
         Ok((Shape { geometry, material, media, flipped }, place))
+    }
+
+    /// The mesh of a shape, displaced.
+    fn displaced(&mut self, shape: &draft::Shape, wanted: &Displacement, made: &Made) -> Result<Made> {
+        let Displacement { texture, place, edge } = wanted;
+        let height = self.materials.textures.number_texture(texture, *place)?;
+        let invalid = |error: TextureError| Fault::invalid(*place, error.to_string());
+        let table = match &self.heights {
+            Some(table) => Arc::clone(table),
+            None => Arc::new(self.materials.textures.table(self.images).map_err(invalid)?),
+        };
+        self.heights = Some(Arc::clone(&table));
+        let to_world = shape.to_world.0[0];
+        let most = displacement::MAX_TRIANGLES;
+        let height = |point: &SurfacePoint| height.at(point, &table);
+        let Some(mesh) = displacement::displaced(&made.mesh, &to_world, (*edge, most), height) else {
+            let message = format!("edges of {edge} make more than {most} triangles, expected longer ones");
+            return Err(Fault::unsupported(*place, message));
+        };
+        let powered = shape.style.light.as_ref().is_some_and(|light| light.power.is_some());
+        Ok(Made::displaced(mesh, &to_world, shape.to_world.is_still(), powered))
     }
 
     /// The form of a shape, in the world where it can be, and else where it lies.

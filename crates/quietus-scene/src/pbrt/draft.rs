@@ -7,6 +7,7 @@ use std::rc::Rc;
 use glam::Vec3;
 use quietus_trace::desc::{Curves, Mesh, PatchMesh, Quadric};
 
+use super::displacement::Displacement;
 use super::fault::Place;
 use super::images::ImageId;
 use super::params::{Param, Params};
@@ -114,6 +115,7 @@ pub(super) struct Shape {
     pub style: Rc<Style>,
     /// Coverage: `None` where it is 1 everywhere.
     pub alpha: Option<Alpha>,
+    pub displacement: Option<Displacement>,
     pub place: Place,
 }
 

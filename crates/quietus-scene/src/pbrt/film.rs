@@ -29,7 +29,7 @@ const INTEGRATORS: [&str; 12] = [
     "ao",
 ];
 /// What pbrt-v4 calls the measured sensors, without the colour of its filters.
-const SENSORS: [&str; 16] = [
+const SENSORS: [&str; 18] = [
     "canon_eos_100d",
     "canon_eos_1dx_mkii",
     "canon_eos_200d",
@@ -46,6 +46,8 @@ const SENSORS: [&str; 16] = [
     "nikon_d850",
     "sony_ilce_6400",
     "sony_ilce_7m3",
+    "sony_ilce_7rm3",
+    "sony_ilce_9",
 ];
 
 /// pbrt's own size.

@@ -87,7 +87,8 @@ impl Tasks {
             let task = Task {
                 source,
                 to_world: shape.to_world.0[0],
-                bake: shape.to_world.is_still(),
+                // What is displaced is so in its own space.
+                bake: shape.to_world.is_still() && shape.displacement.is_none(),
                 areas: light.is_some_and(|light| light.power.is_some()),
             };
             tasks.push((task, shape.place));
@@ -137,6 +138,18 @@ impl Task {
         }
         let area = area(self.areas, &mesh, if baked { &DAffine3::IDENTITY } else { &self.to_world });
         Ok(Made { mesh: Arc::new(mesh), baked, area })
+    }
+}
+
+impl Made {
+    /// A `mesh` that has been displaced in its own space, brought into the world where `bake` says so, with its areas if
+    /// they are `wanted`.
+    pub(super) fn displaced(mut mesh: Mesh, to_world: &DAffine3, bake: bool, wanted: bool) -> Self {
+        if bake {
+            self::bake(&mut mesh, to_world);
+        }
+        let area = area(wanted, &mesh, if bake { &DAffine3::IDENTITY } else { to_world });
+        Self { mesh: Arc::new(mesh), baked: bake, area }
     }
 }
 

@@ -15,6 +15,7 @@ mod arguments;
 mod assemble;
 mod camera;
 mod curve;
+mod displacement;
 mod draft;
 mod fault;
 mod film;

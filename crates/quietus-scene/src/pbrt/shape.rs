@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 use quietus_trace::desc::{Mesh, PatchMesh, Quadric};
 
 use super::curve;
+use super::displacement::Displacement;
 use super::draft::{Alpha, Entity, Files, Form, Shape, Style};
 use super::fault::{Context, Fault, Result, unknown};
 use super::params::{Kind, Params, Values};
@@ -25,6 +26,7 @@ pub(super) fn read(
     ply: &mut Files,
 ) -> Result<Option<Shape>> {
     let params = &entity.params;
+    let mut displacement = None;
     let form = match &*entity.kind {
         "sphere" => Some(sphere(params)?),
         "disk" => Some(Form::Quadric(disk(params)?)),
@@ -32,14 +34,17 @@ pub(super) fn read(
         "trianglemesh" => Some(Form::Mesh(triangle_mesh(params, context)?)),
         "loopsubdiv" => Some(Form::Mesh(subdivided(params)?)),
         "bilinearmesh" => Some(Form::Patches(patches(params, context)?)),
-        "plymesh" => Some(Form::Ply(ply_mesh(params, context, ply)?)),
+        "plymesh" => {
+            displacement = self::displacement(params)?;
+            Some(Form::Ply(ply_mesh(params, context, ply)?))
+        }
         "curve" => curve::read(params, context)?.map(Form::Curves),
         kind => return Err(Fault::invalid(params.place, unknown("shape", kind, &KINDS))),
     };
     let alpha = alpha(params)?;
     params.finish()?;
     let place = params.place;
-    Ok(form.map(|form| Shape { form, to_world, style, alpha, place }))
+    Ok(form.map(|form| Shape { form, to_world, style, alpha, displacement, place }))
 }
 
 fn alpha(params: &Params) -> Result<Option<Alpha>> {
@@ -209,9 +214,19 @@ fn ply_mesh(params: &Params, context: &Context, ply: &mut Files) -> Result<usize
     let Some(name) = params.string("filename")? else {
         return Err(Fault::invalid(params.place, "shape \"plymesh\" has no \"string filename\""));
     };
-    if params.has("displacement") {
-        context.warn(params.place_of("displacement"), "displacement is not drawn: meshes keep their form");
-    }
-    params.ignore(&["displacement", "displacement.edgelength", "edgelength", "uvscale"]);
     Ok(ply.ask(context.resolve(name), params.place_of("filename")))
+}
+
+fn displacement(params: &Params) -> Result<Option<Displacement>> {
+    // Of earlier versions of pbrt-v4.
+    params.ignore(&["uvscale"]);
+    let older = params.float_where("edgelength", 1.0, |length| length > 0.0, "above 0")?;
+    let edge = params.float_where("displacement.edgelength", older, |length| length > 0.0, "above 0")?;
+    let Some(param) = params.find("displacement", &[Kind::Texture])? else { return Ok(None) };
+    match &param.values {
+        Values::Strings(names) if names.len() == 1 => {
+            Ok(Some(Displacement { texture: names[0].clone(), place: param.place, edge }))
+        }
+        _ => Err(Fault::invalid(param.place, "\"texture displacement\" expects 1 name")),
+    }
 }

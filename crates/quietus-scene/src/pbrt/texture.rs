@@ -11,6 +11,7 @@ use quietus_trace::desc::{
     ColorParam, Image, ImageTexture, Mapping, NoisePattern, ScalarParam, TexelFilter, Texels, Texture,
     TextureId, Wrap,
 };
+use quietus_trace::texture::{TextureError, TextureTable};
 
 use super::draft::TextureEntity;
 use super::fault::{Context, Fault, Place, Result, unknown};
@@ -84,13 +85,13 @@ impl<'c> Textures<'c> {
     }
 
     /// Puts the pictures in their places.
-    pub(super) fn finish(mut self, images: &Images) -> Vec<Texture> {
-        for (texture, image) in self.waiting {
-            if let Texture::Image(texture) = &mut self.list[texture.0 as usize] {
-                texture.image = Arc::clone(images.get(image));
-            }
-        }
-        self.list
+    pub(super) fn finish(self, images: &Images) -> Vec<Texture> {
+        fill(self.list, &self.waiting, images)
+    }
+
+    /// The textures as they will be, to be looked up before the scene is done.
+    pub(super) fn table(&self, images: &Images) -> std::result::Result<TextureTable, TextureError> {
+        TextureTable::compile(&fill(self.list.clone(), &self.waiting, images), |_| true)
     }
 
     fn push(&mut self, texture: Texture) -> TextureId {
@@ -385,6 +386,16 @@ impl<'c> Textures<'c> {
         params.ignore(&["encoding", "filename", "scale"]);
         Ok(Vec3::splat(0.5))
     }
+}
+
+/// Textures with the pictures that they wait for.
+fn fill(mut list: Vec<Texture>, waiting: &[(TextureId, ImageId)], images: &Images) -> Vec<Texture> {
+    for (texture, image) in waiting {
+        if let Texture::Image(texture) = &mut list[texture.0 as usize] {
+            texture.image = Arc::clone(images.get(*image));
+        }
+    }
+    list
 }
 
 /// The name that a parameter of type texture gives.

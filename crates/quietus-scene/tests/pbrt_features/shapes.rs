@@ -141,3 +141,36 @@ fn subdivision_surfaces_are_divided() {
     assert_eq!(surface.triangles.len(), 4 * 16);
     assert_eq!(surface.normals.len(), surface.positions.len());
 }
+
+/// Heights are looked up over texture coordinates, edges measured in the world.
+#[test]
+fn displaced_meshes_take_the_form_of_their_texture() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+               property float u\nproperty float v\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+               0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n";
+    std::fs::write(folder.path().join("a.ply"), ply).expect("a writable folder");
+    let read = |more: &str| {
+        let text = format!(
+            "WorldBegin\nTexture \"ramp\" \"float\" \"bilerp\" \"float v00\" 0 \"float v01\" 0 \"float v10\" 2 \
+             \"float v11\" 2\nTranslate 0 0 5\nScale 2 2 2\n\
+             Shape \"plymesh\" \"string filename\" \"a.ply\" {more}"
+        );
+        load_bytes(&folder.path().join("a.pbrt"), text.as_bytes())
+    };
+    let loaded =
+        read("\"texture displacement\" \"ramp\" \"float displacement.edgelength\" 0.5").expect("sound");
+    assert!(
+        loaded.warnings.iter().all(|warning| !warning.message.contains("displace")),
+        "{:?}",
+        loaded.warnings
+    );
+    let Geometry::Mesh(mesh) = &loaded.scene.objects[0].shapes[0].geometry else { panic!("a mesh") };
+    assert!(mesh.triangles.len() > 16);
+    for (position, uv) in mesh.positions.iter().zip(&mesh.uvs[0]) {
+        let expected = Vec3::new(2.0 * uv.x, 2.0 * uv.y, 5.0 + 4.0 * uv.x);
+        assert!(position.distance(expected) < 1e-5, "{position} {expected}");
+    }
+    let unknown = read("\"texture displacement\" \"rmap\"").expect_err("no such texture");
+    assert!(unknown.message().contains("did you mean \"ramp\""), "{unknown}");
+}

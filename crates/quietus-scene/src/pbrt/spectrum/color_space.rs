@@ -25,10 +25,10 @@ impl ColorSpace {
     /// The names in scene files.
     pub(in super::super) const NAMES: [&'static str; 4] = ["srgb", "dci-p3", "rec2020", "aces2065-1"];
 
-    /// By its name in scene files.
+    /// By its name in scene files, in capitals or not.
     pub(in super::super) fn named(name: &str) -> Option<Self> {
         let all = [Self::Srgb, Self::DciP3, Self::Rec2020, Self::Aces];
-        Self::NAMES.iter().position(|known| *known == name).map(|index| all[index])
+        Self::NAMES.iter().position(|known| known.eq_ignore_ascii_case(name)).map(|index| all[index])
     }
 
     /// Chromaticities of red, green, blue and white (ITU-R BT.709 and BT.2020, SMPTE RP 431-2, SMPTE ST 2065-1).

@@ -244,7 +244,7 @@ fn bitmap(texture: &ImageTexture, file: &str) -> Value {
     let wrap = match texture.wrap[0] {
         Wrap::Repeat => "repeat",
         Wrap::Mirror => "mirror",
-        Wrap::Clamp | Wrap::Black => "clamp",
+        Wrap::Clamp | Wrap::Black | Wrap::Octahedral => "clamp",
     };
     json!({"type": "bitmap", "filename": file, "raw": true, "wrap_mode": wrap, "to_uv": matrix2(&transform)})
 }

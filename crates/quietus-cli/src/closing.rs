@@ -79,6 +79,18 @@ pub(crate) fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered, wrot
         statistics.wall_seconds,
         statistics.samples as f64 / statistics.wall_seconds.max(1e-9) / 1e6,
     );
+    text.push_str(&noise(rendered));
+    for path in wrote {
+        let shown = std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
+        text.push_str(&format!("\nwrote {}", shown.display()));
+    }
+    text
+}
+
+/// The noise that was reached, of the picture and of the AOVs it was asked of, each on a line of its own.
+fn noise(rendered: &Rendered) -> String {
+    let statistics = &rendered.statistics;
+    let mut text = String::new();
     if let (Some(reached), Some(low), Some(high)) =
         (statistics.noise_reached, statistics.noise_low, statistics.noise_high)
     {
@@ -93,6 +105,8 @@ pub(crate) fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered, wrot
             }
             None => format!("\nnoise{weighted} {reached:.2} % of white {interval}"),
         });
+    } else if rendered.stopped_by == StoppedBy::TimeLimit {
+        text.push_str("\nnoise: not measured, as time was up");
     }
     for aov in statistics.aov_noise.iter().filter(|aov| aov.asked.is_some()) {
         let AovStatistics { name, asked, reached, low, high } = aov;
@@ -100,10 +114,6 @@ pub(crate) fn summary(plan: &Plan, frame: Option<u32>, rendered: &Rendered, wrot
         text.push_str(&format!(
             "\nnoise of {name}: asked {asked} %, reached {reached:.2} % (95 % interval {low:.2}-{high:.2})"
         ));
-    }
-    for path in wrote {
-        let shown = std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
-        text.push_str(&format!("\nwrote {}", shown.display()));
     }
     text
 }

@@ -117,12 +117,21 @@ impl Canvas {
     }
 }
 
+/// How often letters are magnified: they can be read where the whole picture is seen on a screen.
+fn zoom(size: [u32; 2]) -> usize {
+    (size[0].max(size[1]) as usize / 700).max(1)
+}
+
 impl HeatMap<'_> {
+    /// Whether the legend below a picture of this size has room for all of a title.
+    pub(super) fn has_room_for(title: &str, size: [u32; 2]) -> bool {
+        (title.chars().count() + 2) * LETTER * zoom(size) <= size[0] as usize
+    }
+
     /// Width, height and pixels of the values as colours, and below them the legend.
     pub(super) fn draw(&self) -> ([u32; 2], Vec<[u8; 3]>) {
         let [width, height] = self.size.map(|side| side as usize);
-        // Letters that can be read where the whole picture is seen on a screen.
-        let zoom = (width.max(height) / 700).max(1);
+        let zoom = zoom(self.size);
         let line = LETTER * zoom;
         let canvas_width = width.max(LEAST_LETTERS * line);
         let canvas_height = height + 6 * line;

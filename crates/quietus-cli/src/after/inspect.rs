@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
+use quietus::PixelError;
 use quietus_film::{Metadata, Picture, read_exr, write_rgb_png};
 use serde::Serialize;
 
@@ -80,13 +81,9 @@ fn error_map(picture: &Picture) -> ([u32; 2], Vec<[u8; 3]>) {
     let sorted = Sorted::new(picture.error.iter().map(|&error| f64::from(error)).filter(|e| e.is_finite()));
     let high = sorted.percentile(99.5);
     let scale = Scale::Linear(0.0, if high > 0.0 { high } else { 1.0 });
-    HeatMap {
-        size: size(picture),
-        values: &picture.error,
-        title: "remaining error (up to the 99.5th percentile)",
-        scale,
-    }
-    .draw()
+    let (long, short) = ("remaining error (up to the 99.5th percentile)", "remaining error");
+    let title = if HeatMap::has_room_for(long, size(picture)) { long } else { short };
+    HeatMap { size: size(picture), values: &picture.error, title, scale }.draw()
 }
 
 /// Figures of many values.
@@ -129,18 +126,25 @@ struct Inspection {
     window: [u32; 4],
     settings: std::collections::BTreeMap<String, String>,
     samples: Spread,
-    error: Spread,
+    /// Of the pixels in which it is known; `None` where it is in none.
+    error: Option<Spread>,
+    /// Pixels whose error nothing is known of, because they lack samples in two replicates.
+    pixels_of_unknown_error: usize,
 }
 
 impl Inspection {
     fn new(picture: &Picture, metadata: &Metadata) -> Self {
         let window = picture.window;
+        // What `shown_error` gives where there is no estimate.
+        let unknown = PixelError::MAX.to_f32().unwrap_or(f32::MAX);
+        let known: Vec<_> = picture.error.iter().filter(|&&e| e < unknown).map(|&e| f64::from(e)).collect();
         Self {
+            pixels_of_unknown_error: picture.error.len() - known.len(),
             frame: picture.frame,
             window: [window.x0, window.y0, window.x1, window.y1],
             settings: metadata.iter().cloned().collect(),
             samples: Spread::new(&Sorted::new(picture.samples.iter().map(|&n| f64::from(n)))),
-            error: Spread::new(&Sorted::new(picture.error.iter().map(|&e| f64::from(e)))),
+            error: (!known.is_empty()).then(|| Spread::new(&Sorted::new(known.into_iter()))),
         }
     }
 
@@ -200,7 +204,14 @@ impl Inspection {
         // Writing to a string cannot fail, here and below.
         let _ =
             write!(text, "samples   {}\n{}", spread(&self.samples, |n| format!("{n:.1}")), self.histogram());
-        let _ = write!(text, "error     {}", spread(&self.error, |e| format!("{e:.5}")));
+        if let Some(error) = &self.error {
+            let _ = write!(text, "error     {}", spread(error, |e| format!("{e:.5}")));
+        }
+        if self.pixels_of_unknown_error > 0 {
+            let before = if self.error.is_some() { "\n          " } else { "error     " };
+            let _ =
+                write!(text, "{before}not known in {} pixels: too few samples", self.pixels_of_unknown_error);
+        }
         text
     }
 
@@ -254,6 +265,19 @@ mod tests {
         ] {
             assert!(text.lines().any(|found| found == line), "{line:?} is not in:\n{text}");
         }
+    }
+
+    #[test]
+    fn errors_that_nobody_knows_are_not_counted() {
+        let mut picture = Picture::empty([20, 10], Window { x0: 0, y0: 0, x1: 20, y1: 10 });
+        picture.error[..3].fill(4096.0);
+        picture.error[3] = 0.5;
+        let text = Inspection::new(&picture, &Metadata::new()).describe();
+        assert!(text.contains("from 0.00000 to 0.50000"), "{text}");
+        assert!(text.ends_with("not known in 3 pixels: too few samples"), "{text}");
+        picture.error.fill(4096.0);
+        let text = Inspection::new(&picture, &Metadata::new()).describe();
+        assert!(text.ends_with("error     not known in 200 pixels: too few samples"), "{text}");
     }
 
     #[test]

@@ -164,7 +164,7 @@ mod tests {
             ("\nseed = 1", "2: `seed` stands under no command: expected a line such as [render] above it"),
             ("[rendr]\n", "1: no command is called `rendr`; is `render` meant?"),
             ("[render]\nthread = 3", "2: `quietus render` has no setting `thread`; is `threads` meant?"),
-            ("[render]\nscene = 'a.glb'", "2: `quietus render` has no setting `scene`"),
+            ("[compare]\nfirst = 'a.exr'", "2: `quietus compare` has no setting `first`"),
             ("[render]\nconfig = 'a'", "2: `quietus render` has no setting `config`"),
             ("[render]\n\nunbiased = 'yes'", "3: `unbiased`: expected true or false, found string"),
             ("[render]\nseed = [1]", "2: `seed`: expected text or a number, found array"),

@@ -46,6 +46,20 @@ pub struct Progress {
     pub noise: Option<NoiseProgress>,
 }
 
+impl Progress {
+    /// The range of the time left, where it is too wide for the guess alone to be told: nobody is helped by seconds that may
+    /// be minutes.
+    pub fn wide_range(&self) -> Option<[Duration; 2]> {
+        self.remaining_range.filter(|[low, high]| high.as_secs() > LEAST_TOLD && *high > low.mul_f64(WIDE))
+    }
+}
+
+/// A range is told from this upper end over the lower one on: a fifth to either side;
+const WIDE: f64 = 1.5;
+
+/// and where it goes beyond so many seconds.
+const LEAST_TOLD: u64 = 9;
+
 /// How much of the past counts as "lately", as a share of the time elapsed. Long enough to smooth over passes,
 /// short enough to follow a render that slows down.
 const RECENT: f64 = 0.3;

@@ -8,7 +8,7 @@ import { Hands } from "./hands.js";
 import { Curves } from "./curves.js";
 import { showLegend } from "./legend.js";
 import { HALVES } from "./tone.js";
-import { large, number, percent, time } from "./words.js";
+import { large, number, percent, time, timeLeft } from "./words.js";
 
 const id = (name) => document.getElementById(name);
 const look = { layer: "beauty", stops: 0, tone: "srgb", map: "viridis" };
@@ -63,7 +63,7 @@ function status(message) {
   id("spp").textContent = number(message.spp);
   id("rate").textContent = large(message.rate);
   id("elapsed").textContent = time(message.seconds);
-  id("remaining").textContent = message.state === "rendering" ? time(message.remaining) : "–";
+  id("remaining").textContent = message.state === "rendering" ? timeLeft(message) : "–";
   if (message.noise_asked && document.activeElement !== id("noise")) id("noise").value = message.noise_asked;
   if (message.state !== state.render) {
     state.render = message.state;

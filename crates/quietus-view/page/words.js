@@ -25,4 +25,9 @@ export function time(seconds) {
   return hours ? `${hours}:${two(minutes)}:${two(s % 60)}` : `${minutes}:${two(s % 60)}`;
 }
 
+/** A guess, or its range where that is sent: it is too wide then. */
+export function timeLeft({ remaining, remaining_range: range }) {
+  return range ? range.map(time).join("–") : time(remaining);
+}
+
 export const percent = (share) => `${(100 * share).toFixed(1)} %`;

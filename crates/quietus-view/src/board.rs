@@ -38,6 +38,7 @@ pub(crate) struct Content {
     pub(crate) tree: (u64, Arc<Vec<u8>>),
     pub(crate) state: State,
     pub(crate) remaining: Option<f64>,
+    pub(crate) remaining_range: Option<[f64; 2]>,
     /// How often state or moments changed.
     pub(crate) status_count: u64,
     pub(crate) moments: Vec<Moment>,
@@ -91,6 +92,7 @@ impl Board {
             tree: (0, Arc::default()),
             state: State::Rendering,
             remaining: None,
+            remaining_range: None,
             status_count: 0,
             moments: Vec::new(),
             stride: 1,
@@ -164,7 +166,7 @@ impl Content {
         // Who has it keeps it below the tiles until they come; nobody else needs it.
         self.coarse.1 = Arc::default();
         self.state = State::Rendering;
-        self.remaining = None;
+        (self.remaining, self.remaining_range) = (None, None);
         (self.moments, self.stride, self.updates) = (Vec::new(), 1, 0);
         self.now = Moment::default();
         self.status_count += 1;

@@ -126,7 +126,8 @@ impl Client {
         if self.status != content.status_count {
             self.status = content.status_count;
             let (state, remaining, moment) = (content.state, content.remaining, &content.now);
-            return Some(told(&Told::Status { state, remaining, moment }));
+            let remaining_range = content.remaining_range;
+            return Some(told(&Told::Status { state, remaining, remaining_range, moment }));
         }
         if self.tree && self.trees != content.tree.0 && !content.tree.1.is_empty() {
             self.trees = content.tree.0;

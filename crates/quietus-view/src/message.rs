@@ -142,6 +142,8 @@ pub(crate) enum Told<'a> {
         state: State,
         /// Guessed seconds left.
         remaining: Option<f64>,
+        /// The range of it, where it is too wide for the guess alone to be told.
+        remaining_range: Option<[f64; 2]>,
         /// Rays per second.
         #[serde(flatten)]
         moment: &'a Moment,

@@ -98,7 +98,9 @@ impl View {
         if self.shower.is_status_due(STATUS_INTERVAL) {
             let moment = self.shower.moment(&watched.progress, watched.sampling);
             let mut content = self.board.lock();
-            content.remaining = watched.progress.remaining.map(|left| left.as_secs_f64());
+            let progress = &watched.progress;
+            content.remaining = progress.remaining.map(|left| left.as_secs_f64());
+            content.remaining_range = progress.wide_range().map(|ends| ends.map(|end| end.as_secs_f64()));
             content.push(moment);
             content.show_gate();
         }
@@ -126,7 +128,7 @@ impl View {
         // It holds nothing any more, and pauses no clock.
         content.live.take().inspect(|live| live.resume());
         content.state = state;
-        content.remaining = None;
+        (content.remaining, content.remaining_range) = (None, None);
         drop(content);
         self.board.ring();
     }

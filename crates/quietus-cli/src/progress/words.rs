@@ -15,18 +15,14 @@ pub(super) fn share(measure: Measure, snapshot: &Snapshot) -> String {
     format!("{share}, {} left", left(&snapshot.progress))
 }
 
-/// The time left, or its range where that is wide: nobody is helped by seconds that may be minutes.
+/// The time left, or its range where that is wide.
 fn left(progress: &Progress) -> String {
-    let wide = |&[low, high]: &[Duration; 2]| high.as_secs() > 9 && high > low.mul_f64(WIDE);
-    match (progress.remaining, progress.remaining_range.filter(wide)) {
+    match (progress.remaining, progress.wide_range()) {
         (_, Some([low, high])) => format!("{}-{}", duration(low), duration(high)),
         (Some(left), None) => duration(left),
         (None, None) => "?".to_owned(),
     }
 }
-
-/// Range, as high over low, from which on it is told instead of the guess: a fifth to either side.
-const WIDE: f64 = 1.5;
 
 /// Noise, samples, speed and time: what fits into 80 columns.
 pub(super) fn status(snapshot: &Snapshot) -> String {

@@ -91,6 +91,12 @@ fn the_picture_arrives_and_can_be_looked_at_in_every_way() {
     let program = Program::start(&format!("view {ENDLESS}"));
     let browser = look(&driver, &program, LAPTOP);
     changes_picture(&browser, "it converges", || ());
+    // A guess at the end, and one that is told by its range.
+    let told = browser.run(
+        "const { timeLeft } = await import(new URL('words.js', document.baseURI));
+         return [timeLeft({ remaining: 65, remaining_range: null }), timeLeft({ remaining: 65, remaining_range: [40, 90.5] })];",
+    );
+    assert_eq!(told.as_array().unwrap(), &["1:05", "0:40–1:30"]);
     // Until then there is no tree to be seen.
     browser.wait("curves.innerText.includes('Slowest rebuild')");
     pause(&browser);

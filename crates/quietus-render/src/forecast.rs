@@ -173,6 +173,11 @@ fn count_at(steps: &[u32], counts: &PassCounts, count: u32, quota: f64) -> u32 {
     steps.get(then).copied().unwrap_or(last).max(count)
 }
 
+/// As the last round towards a noise draws: in fine steps, trees one pass behind, so that counts end where they should.
+pub(crate) fn towards_a_noise(counts: PassCounts) -> PassCounts {
+    PassCounts { lag: 1, fine_steps: true, ..counts }
+}
+
 /// Rounded up to whole samples of both replicates.
 pub(crate) fn even(samples: f64) -> u32 {
     // Saturates.
@@ -285,6 +290,13 @@ impl Dealt {
         Self { pixels, stands_for: stride as f64, asked, steps, counts, least }
     }
 
+    /// The same with the counts by which pixels come to a noise.
+    pub(crate) fn towards_a_noise(self) -> Self {
+        let counts = towards_a_noise(self.counts);
+        let steps = if self.steps.is_empty() { Vec::new() } else { steps(&counts) };
+        Self { steps, counts, ..self }
+    }
+
     /// What a pixel will have if quotas are multiplied by `factor`.
     fn then(&self, pixel: &DealtPixel, factor: f64) -> u32 {
         count_at(&self.steps, &self.counts, pixel.count.max(self.least), factor * pixel.quota)
@@ -293,6 +305,11 @@ impl Dealt {
     /// The same for the pixel that was asked for as number `asked`.
     pub(crate) fn asked(&self, asked: usize, factor: f64) -> f64 {
         self.then(&self.asked[asked], factor).into()
+    }
+
+    /// What pixels that were asked for have, in their order.
+    pub(crate) fn asked_now(&self) -> Vec<f64> {
+        self.asked.iter().map(|pixel| pixel.count.max(self.least).into()).collect()
     }
 
     /// Samples of all pixels if quotas are multiplied by `factor`; and what was drawn and is left then, where samples of each

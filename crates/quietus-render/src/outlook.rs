@@ -11,6 +11,7 @@ use crate::forecast::{Dealt, LARGEST_FACTOR, least_factor};
 use crate::noise::{Copied, Effort};
 use crate::scout::Scout;
 use crate::settings::{Goal, RenderSettings, Sampling};
+use crate::steering::Aim;
 use crate::tracer::Tracer;
 use crate::weights::Weights;
 
@@ -24,12 +25,25 @@ const LEAST_SAMPLES: f64 = 6.0;
 const SCOUTED: f64 = 0.015;
 
 /// or that many, if they are no more than such a share of the first round: fewer do not even say how many are needed.
-const LEAST_SCOUTED: (f64, f64) = (65536.0, 0.04);
+const LEAST_SCOUTED: (f64, f64) = (65536.0, 0.08);
 
-/// What is left comes to `1 + CREEP.0` times what quotas say, for every doubling of the samples, up to `1 + CREEP.1` times: at
-/// every update some quotas come out larger by chance, and what was drawn for them stays drawn. The last round has as many
-/// updates for an eighth more samples as others have for a quarter: twice the creep of the one before it.
+/// Relative error of what scouted pixels say, one standard deviation, from which on it is not told.
+const LARGEST_DEVIATION: f64 = 0.35;
+
+/// Towards a target error, what is left comes to `1 + CREEP.0` times what quotas say, for every doubling of the samples, up to
+/// `1 + CREEP.1` times: at every update some quotas come out larger by chance, and what was drawn for them stays drawn.
 const CREEP: (f64, f64) = (0.3, 0.9);
+
+/// Towards a noise it comes to `1 + STEERED_CREEP.0 + STEERED_CREEP.1 * creep of the round before` times that: while there is another
+/// round to come, and in the last one, which has as many updates for an eighth more samples as others have for a quarter.
+const STEERED_CREEP: [(f64, f64); 2] = [(0.0, 0.5), (0.15, 1.1)];
+
+/// Creep of a round that nothing is known of.
+const USUAL_CREEP: f64 = 0.2;
+
+/// Deviation of the logarithm of the factor that quotas need, by halves of the film and by scouted pixels whose picture was
+/// measured, over the logarithm of the samples that are drawn for it: how fast error falls is not known at first.
+const UNKNOWN_FALL: [f64; 2] = [0.4, 0.2];
 
 /// Deviation of the logarithm of what is left from what it comes to, of guesses by scouted pixels beyond what their number
 /// explains;
@@ -37,6 +51,9 @@ const SCOUTED_SPREAD: f64 = 0.5;
 
 /// of those by the steering while there is another round to come, and in the last one. `docs/noise.md` has what they are from.
 const STEERED_SPREADS: [f64; 2] = [0.35, 0.3];
+
+/// That of what is left after the first round beyond what the factor explains: what measurements will say.
+const MEASURED_SPREAD: f64 = 0.15;
 
 /// Factors are found to this precision.
 const FACTOR_STEP: f64 = 1.01;
@@ -53,13 +70,23 @@ pub(crate) struct Left {
 }
 
 /// What a round is on the way to.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Way {
     /// What steering multiplies the quotas of this round by until the end.
     factor: f64,
     is_last: bool,
-    /// Samples that there were when it began, and those it should come to, as quotas said then.
-    foreseen: Option<[f64; 2]>,
+    /// What the squared error of its beginning is to be multiplied by.
+    fall: Option<f64>,
+    began: Option<Beginning>,
+}
+
+/// Where a round began.
+#[derive(Clone, Debug)]
+struct Beginning {
+    /// Samples that there were, and those it should come to, as quotas said then.
+    foreseen: [f64; 2],
+    /// Samples of scouted pixels.
+    scouted: Vec<f64>,
 }
 
 /// What a look goes by besides the sampling.
@@ -115,14 +142,17 @@ impl Outlook {
 
     /// A round came to its end, with `sampling`.
     pub(crate) fn end(&mut self, sampling: &AdaptiveSampling) {
-        let Some([before, foreseen]) = self.way.and_then(|way| way.foreseen) else { return };
+        let Some(Way { began: Some(Beginning { foreseen: [before, foreseen], .. }), .. }) = self.way else {
+            return;
+        };
         let crept = (sampling.counts().total() as f64 - before) / (foreseen - before) - 1.0;
         self.crept = crept.is_finite().then(|| crept.max(0.0));
     }
 
-    /// Another round begins. Its quotas will be multiplied by `factor` in those that follow, unless it is the last.
-    pub(crate) fn begin(&mut self, factor: f64, is_last: bool) {
-        self.way = Some(Way { factor, is_last, foreseen: None });
+    /// Another round begins, towards `aim`. The squared error measured before it is to be multiplied by `fall`, where that is
+    /// known.
+    pub(crate) fn begin(&mut self, aim: &Aim, fall: Option<f64>) {
+        self.way = Some(Way { factor: aim.factor_left, is_last: aim.is_last, fall, began: None });
         self.looked = None;
     }
 
@@ -190,10 +220,8 @@ impl Outlook {
                     spread: STEERED_SPREADS[0],
                 })
             }
-            Goal::Noise(asked) => match self.way {
-                None => self.by_scouts(asked, sampling, seen.film, &costs),
-                Some(way) => self.by_steering(way, sampling, &costs),
-            },
+            Goal::Noise(asked) if self.way.is_none() => self.by_scouts(asked, sampling, seen.film, &costs),
+            Goal::Noise(_) => self.by_steering(sampling, &costs),
         }
     }
 
@@ -206,28 +234,44 @@ impl Outlook {
             let picture = Copied::of(film, self.weights.as_deref(), None);
             Dealt::before_quotas(sampling, &picture.finished(), self.scout.pixels())
         });
-        let (factor, deviation) = self.factor_to(asked, &dealt)?;
+        let dealt = dealt.towards_a_noise();
+        let square = |factor: f64| self.scout.square(|number| dealt.asked(number, factor));
+        let (factor, deviation) = factor_to(&self.scout, asked.powi(2), square)?;
         let [samples, drawn, left] = dealt.left(factor, costs);
         let is_at_the_least = samples < 1.5 * self.first_samples;
         let spread = if is_at_the_least { STEERED_SPREADS[1] } else { deviation.hypot(SCOUTED_SPREAD) };
         Some(Left { samples, seconds: left + self.measuring() * (drawn + left), spread })
     }
 
-    /// From what the steering has decided.
-    fn by_steering(&mut self, way: Way, sampling: &AdaptiveSampling, costs: &[f64]) -> Option<Left> {
-        let dealt = Dealt::of(sampling, std::iter::empty())?;
+    /// From what the steering has decided and, until a round has shown how it creeps, from scouted pixels.
+    fn by_steering(&mut self, sampling: &AdaptiveSampling, costs: &[f64]) -> Option<Left> {
         let now = sampling.counts().total() as f64;
-        if let Some(Way { foreseen: foreseen @ None, .. }) = &mut self.way {
-            *foreseen = Some([now, dealt.left(1.0, costs)[0]]);
-        }
-        let [samples, drawn, left] = dealt.left(way.factor, costs);
-        let creep = match self.crept.filter(|_| way.is_last) {
-            Some(crept) => (2.0 * crept).min(CREEP.1),
-            None => Self::expected_creep(now, samples),
+        let dealt = Dealt::of(sampling, self.scout.pixels())?;
+        let Self { way, scout, .. } = self;
+        let way = way.as_mut()?;
+        let began = way.began.get_or_insert_with(|| Beginning {
+            foreseen: [now, dealt.left(1.0, costs)[0]],
+            scouted: dealt.asked_now(),
+        });
+        let is_last = usize::from(way.is_last);
+        let dealt = dealt.towards_a_noise();
+        let (factor, spread) = if way.is_last || self.crept.is_some() {
+            (way.factor, STEERED_SPREADS[is_last])
+        } else {
+            let from = |number: usize| began.scouted[number];
+            let fall = |factor: f64| scout.fall(from, |number| dealt.asked(number, factor));
+            let scouted = way.fall.and_then(|needed| factor_to(scout, needed, fall));
+            let foldings = (dealt.left(way.factor, costs)[0] / began.foreseen[0]).ln().max(0.0);
+            // Where scouted pixels find it out of reach, the steering knows what it does instead.
+            both(way.factor, scouted.filter(|(factor, _)| *factor < LARGEST_FACTOR), foldings)
         };
-        let seconds = (1.0 + creep) * left;
-        let spread = STEERED_SPREADS[usize::from(way.is_last)];
-        let samples = now + (1.0 + creep) * (samples - now);
+        let [samples, drawn, left] = dealt.left(factor, costs);
+        let (least, share) = STEERED_CREEP[is_last];
+        let creep = match self.sampling {
+            Sampling::Uniform => 1.0,
+            _ => 1.0 + (least + share * self.crept.unwrap_or(USUAL_CREEP)).min(CREEP.1),
+        };
+        let (samples, seconds) = (now + creep * (samples - now), creep * left);
         Some(Left { samples, seconds: seconds + self.measuring() * (drawn + seconds), spread })
     }
 
@@ -237,21 +281,52 @@ impl Outlook {
         (each * (then / now.max(1.0)).max(1.0).log2()).min(most)
     }
 
-    /// What quotas are to be multiplied by for the noise `asked` for, going by the scouted pixels, and the relative deviation of
-    /// the squared error that they find there.
-    fn factor_to(&self, asked: f64, dealt: &Dealt) -> Option<(f64, f64)> {
-        let goal = asked.powi(2);
-        let square = |factor: f64| self.scout.square(|number| dealt.asked(number, factor));
-        // Nothing is known where too little was scouted.
-        square(1.0 / LARGEST_FACTOR)?;
-        let is_enough = |factor: f64| square(factor).is_none_or(|(square, _)| square <= goal);
-        let factor = least_factor(FACTOR_STEP, is_enough).unwrap_or(LARGEST_FACTOR);
-        Some((factor, square(factor).map_or(1.0, |(_, deviation)| deviation)))
-    }
-
     /// Samples that measure the noise, over those in the picture.
     fn measuring(&self) -> f64 {
         // Rounds before the last have a third of the samples, all together.
         Effort::REPORT.expected_share(self.pixels) + 0.4 * Effort::STEP.expected_share(self.pixels)
+    }
+}
+
+/// The least factor of quotas at which the square that `square` says, with its relative deviation, comes to `goal`; and that
+/// deviation. `None` where scouted pixels know too little.
+fn factor_to(scout: &Scout, goal: f64, square: impl Fn(f64) -> (f64, f64)) -> Option<(f64, f64)> {
+    let factor = least_factor(FACTOR_STEP, |factor| square(factor).0 <= goal).unwrap_or(LARGEST_FACTOR);
+    let (square, deviation) = square(factor);
+    let is_known = scout.is_enough() && square > 0.0 && (0.0..LARGEST_DEVIATION).contains(&deviation);
+    is_known.then_some((factor, deviation))
+}
+
+/// The factor by which quotas are multiplied, from that by halves of the film and, where it is known, that by scouted pixels with the
+/// deviation of its logarithm, and the deviation of what comes of it. Samples grow by so many e-foldings.
+fn both(steered: f64, scouted: Option<(f64, f64)>, foldings: f64) -> (f64, f64) {
+    let [by_halves, by_scouts] = UNKNOWN_FALL.map(|deviation| (deviation * foldings).max(1e-3));
+    let (mut sum, mut precision) = (steered.ln() / by_halves.powi(2), by_halves.powi(-2));
+    if let Some((factor, deviation)) = scouted {
+        let each = by_scouts.hypot(deviation).powi(-2);
+        sum += each * factor.max(1.0).ln();
+        precision += each;
+    }
+    ((sum / precision).exp(), precision.powf(-0.5).hypot(MEASURED_SPREAD))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_known_better_counts_more() {
+        // Nothing else is known: the steering's factor, as uncertain as the way is long.
+        let (factor, near) = both(3.0, None, 0.5);
+        let (same, far) = both(3.0, None, 2.0);
+        assert!((factor / 3.0 - 1.0).abs() < 1e-9 && (same / 3.0 - 1.0).abs() < 1e-9);
+        assert!(near < far);
+        // Between the two, nearer to what is known better, and better known than either.
+        let (precise, rough) = (both(3.0, Some((6.0, 0.01)), 1.0), both(3.0, Some((6.0, 2.0)), 1.0));
+        assert!(precise.0 > 4.8 && precise.0 < 6.0, "{precise:?}");
+        assert!(rough.0 > 3.0 && rough.0 < 3.2, "{rough:?}");
+        assert!(precise.1 < rough.1 && rough.1 < both(3.0, None, 1.0).1);
+        // The quotas of a round that has begun do not shrink.
+        assert!(both(1.0, Some((1e-12, 0.1)), 1.0).0 >= 1.0);
     }
 }

@@ -83,7 +83,7 @@ pub fn render_keeping<T: Tracer>(
         let sampling = AdaptiveSampling::restored(rounds.library_up_to(&aim, max_samples), &sampling)?;
         let (aim, sampling) = rounds.towards_the_goal(aim, max_samples, sampling)?;
         if rounds.steering.is_past_the_first() {
-            rounds.outlook.begin(aim.factor_left, aim.is_last);
+            rounds.outlook.begin(&aim, rounds.steering.fall_left());
         }
         return rounds.run(control, aim, sampling, keeper);
     }
@@ -251,7 +251,7 @@ impl<'a, T: Tracer> Rounds<'a, T> {
                 }
                 Decision::GoOn(next) => aim = next,
             }
-            self.outlook.begin(aim.factor_left, aim.is_last);
+            self.outlook.begin(&aim, self.steering.fall_left());
             sampling = observed(AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?);
         };
         // Before pixels have their minimum there is hardly time, and nothing that says where to measure.

@@ -41,9 +41,6 @@ const REPLICATES: [u8; 4] = [252, 253, 254, 255];
 /// Longest time that it keeps its caller.
 const SLICE: Duration = Duration::from_millis(25);
 
-/// Relative error of a guess, one standard deviation, beyond which nothing is said.
-const LARGEST_DEVIATION: f64 = 0.35;
-
 /// Pixels drawn so far.
 #[derive(Default)]
 pub(crate) struct Scout {
@@ -130,17 +127,37 @@ impl Scout {
         self.curves.iter().map(|curve| curve.pixel)
     }
 
+    /// Whether enough was drawn to say something.
+    pub(crate) fn is_enough(&self) -> bool {
+        self.curves.len() >= LEAST_PICKS
+    }
+
     /// Mean squared error of a picture whose scouted pixels, in their order, have `samples`, and its standard
-    /// deviation relative to it. `None` where too little is known.
-    pub(crate) fn square(&self, samples: impl Fn(usize) -> f64) -> Option<(f64, f64)> {
+    /// deviation relative to it. An estimate, which may be below 0.
+    pub(crate) fn square(&self, samples: impl Fn(usize) -> f64) -> (f64, f64) {
         let n = self.curves.len() as f64;
-        let value =
-            |(number, curve): (usize, &Curve)| curve.weight * curve.square(samples(number), self.growth);
-        let values: Vec<f64> = self.curves.iter().enumerate().map(value).collect();
+        let values = self.squares(samples);
         let mean = values.iter().sum::<f64>() / n;
         let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0) / n;
-        let is_known = values.len() >= LEAST_PICKS && variance.sqrt() < LARGEST_DEVIATION * mean;
-        is_known.then_some((mean, variance.sqrt() / mean))
+        (mean, variance.sqrt() / mean)
+    }
+
+    /// What the mean squared error is multiplied by where scouted pixels, in their order, come from so many samples to so many,
+    /// and the standard deviation of that relative to it: less than that of the error, as the pixels that make the one large
+    /// make the other large.
+    pub(crate) fn fall(&self, from: impl Fn(usize) -> f64, to: impl Fn(usize) -> f64) -> (f64, f64) {
+        let (before, after) = (self.squares(from), self.squares(to));
+        let (sum_before, sum_after) = (before.iter().sum::<f64>(), after.iter().sum::<f64>());
+        let fall = sum_after / sum_before;
+        let off: f64 = before.iter().zip(&after).map(|(before, after)| (after - fall * before).powi(2)).sum();
+        (fall, off.sqrt() / sum_after)
+    }
+
+    /// Squared errors of scouted pixels, each as much as it counts.
+    fn squares(&self, samples: impl Fn(usize) -> f64) -> Vec<f64> {
+        let square =
+            |(number, curve): (usize, &Curve)| curve.weight * curve.square(samples(number), self.growth);
+        self.curves.iter().enumerate().map(square).collect()
     }
 }
 

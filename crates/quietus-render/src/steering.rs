@@ -16,7 +16,7 @@ use quietus::{AdaptiveSampling, Approach};
 use serde::{Deserialize, Serialize};
 
 use crate::aov_demand::AovDemand;
-use crate::forecast::{Ahead, Forecast, Past, even};
+use crate::forecast::{Ahead, Forecast, Past, even, towards_a_noise};
 use crate::noise::{Copied, Effort, Measured, Noise, OfAovs};
 use crate::pixel_errors::REPLICATES;
 use crate::progress::NoiseProgress;
@@ -250,6 +250,12 @@ impl Steering {
         self.learnt.bound
     }
 
+    /// What the squared error measured last is to be multiplied by for the noise asked for.
+    pub(crate) fn fall_left(&self) -> Option<f64> {
+        let (noise, _) = self.learnt.measured.filter(|(noise, _)| noise.reached > 0.0)?;
+        Some((self.asked()? / noise.reached).powi(2))
+    }
+
     /// What a watcher is told.
     pub(crate) fn progress(&self) -> Option<NoiseProgress> {
         let measured = self.learnt.measured.map(|(noise, _)| noise);
@@ -259,10 +265,8 @@ impl Steering {
     /// Looks at the picture at the end of a round.
     pub(crate) fn look(&mut self, picture: &Copied, sampling: &AdaptiveSampling) -> Forecast {
         self.learnt.rounds += 1;
-        let mut counts = self.settings.library(REPLICATES as u32, FIRST_TARGET).pass_counts();
-        if self.asked().is_some() {
-            (counts.lag, counts.fine_steps) = (1, true);
-        }
+        let counts = self.settings.library(REPLICATES as u32, FIRST_TARGET).pass_counts();
+        let counts = if self.asked().is_some() { towards_a_noise(counts) } else { counts };
         let now = Forecast::new(&picture.finished(), sampling, counts);
         if let Some(fall) = self.learnt.before.as_ref().and_then(|before| before.fall_to(&now)) {
             self.learnt.fall = 0.5 * (self.learnt.fall + fall.clamp(*FALLS.start(), *FALLS.end()));

@@ -90,21 +90,48 @@ pub(super) fn eta(quietus: &Quietus, only: Option<&str>, runs: u32) -> Result<()
         let seconds =
             renders.iter().filter_map(|run| run["seconds"].as_f64()).sum::<f64>() / renders.len() as f64;
         let (samples, times) = (medians("expected_samples"), medians("expected"));
-        rows.push(format!("| {scene} | {size} | {noise} | {seconds:.1} | {samples} | {times} |"));
+        let knowable = knowable(renders);
+        rows.push(format!(
+            "| {scene} | {size} | {noise} | {seconds:.1} | {samples} | {times} | {knowable} |"
+        ));
     }
     println!(
-        "| scene | size | asked | seconds | samples after 10 % | 25 % | 50 % | 75 % | time after 10 % | 25 % | 50 % | 75 % |"
+        "| scene | size | asked | seconds | samples after 10 % | 25 % | 50 % | 75 % | time after 10 % | 25 % | 50 % | 75 % | by others |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     rows.iter().for_each(|row| println!("{row}"));
     Ok(())
 }
 
-/// The median of what renders foresaw at a moment, and how many of them were within a fifth; a dash where none said anything.
+/// The median of what renders foresaw at a moment, how many of them were within a fifth, and how many within the range they gave
+/// for it, where it is of samples; a dash where none said anything.
 fn median(renders: &[Value], key: &str, moment: usize) -> String {
     let mut said: Vec<f64> = renders.iter().filter_map(|run| run[key][moment].as_f64()).collect();
     said.sort_by(f64::total_cmp);
-    let near = said.iter().filter(|ratio| (0.8..=1.2).contains(*ratio)).count();
+    let near = said.iter().filter(|&&ratio| is_near(ratio)).count();
+    let held = renders.iter().filter(|run| run["expected_held"][moment] == true).count();
+    let held =
+        if key == "expected_samples" { format!(", {held} of {} held", said.len()) } else { String::new() };
     said.get(said.len() / 2)
-        .map_or("-".to_owned(), |median| format!("{median:.2}, {near} of {}", renders.len()))
+        .map_or("-".to_owned(), |median| format!("{median:.2}, {near} of {}{held}", renders.len()))
+}
+
+fn is_near(ratio: f64) -> bool {
+    (0.8..=1.2).contains(&ratio)
+}
+
+/// In how many renders the samples of the others, by their median, were within a fifth of their own: what one could foresee who has
+/// drawn the scene many times, but does not know what measurements will say of this picture.
+fn knowable(renders: &[Value]) -> String {
+    let samples: Vec<f64> = renders.iter().filter_map(|run| run["spp"].as_f64()).collect();
+    let of_others = |own: usize| {
+        let others = samples.iter().enumerate().filter(|(number, _)| *number != own);
+        let mut others: Vec<f64> = others.map(|(_, &samples)| samples).collect();
+        others.sort_by(f64::total_cmp);
+        let (below, above) = (others.get((others.len().max(1) - 1) / 2)?, others.get(others.len() / 2)?);
+        Some(0.5 * (below + above))
+    };
+    let near =
+        (0..samples.len()).filter(|&own| of_others(own).is_some_and(|middle| is_near(middle / samples[own])));
+    format!("{} of {}", near.count(), samples.len())
 }

@@ -7,13 +7,16 @@
 use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
 use crate::desc::{Aperture, Lenses};
 
 /// Distances from the axis for which exit pupils are found.
 const PUPILS: usize = 64;
-/// Places along each side of the square in which pupils are looked for.
-const GRID: u32 = 128;
+/// Places along each side of the square in which pupils are looked for: first these, then those for small openings.
+const COARSE: [u32; 2] = [64, 256];
+/// The same for the square around what was found.
+const FINE: u32 = 64;
 /// Pupils are looked for as far as this many radii of the last surface from the axis: rays to its rim may come from there.
 const REACH: f32 = 1.5;
 
@@ -82,8 +85,8 @@ impl LensSystem {
             ring: lenses.film_radius / PUPILS as f32,
             pixel: lenses.film_height / rows,
         };
-        let found: Vec<Option<Pupil>> =
-            (0..PUPILS).map(|i| system.pupil(system.ring * i as f32, system.ring * (i + 1) as f32)).collect();
+        let pupil = |i: usize| system.pupil(system.ring * i as f32, system.ring * (i + 1) as f32);
+        let found: Vec<Option<Pupil>> = (0..PUPILS).into_par_iter().map(pupil).collect();
         found.iter().any(Option::is_some).then_some(())?;
         // Nothing is seen where nothing was found: an ellipse without an extent gives rays no weight.
         let none = Pupil { center: Vec2::ZERO, half: Vec2::ZERO };
@@ -141,14 +144,13 @@ impl LensSystem {
     fn pupil(&self, inner: f32, outer: f32) -> Option<Pupil> {
         let reach = REACH * self.surfaces[0].rim;
         let whole = Pupil { center: Vec2::ZERO, half: Vec2::splat(reach) };
-        // Once more within what was found, for small openings.
-        let coarse = self.around(whole, inner, outer)?;
-        self.around(coarse, inner, outer)
+        let coarse = COARSE.into_iter().find_map(|grid| self.around(whole, grid, inner, outer))?;
+        self.around(coarse, FINE, inner, outer)
     }
 
     /// The ellipse around what of `square` is seen, a step of the grid wider.
-    fn around(&self, square: Pupil, inner: f32, outer: f32) -> Option<Pupil> {
-        let step = 2.0 / GRID as f32;
+    fn around(&self, square: Pupil, grid: u32, inner: f32, outer: f32) -> Option<Pupil> {
+        let step = 2.0 / grid as f32;
         let film = [inner, 0.5 * (inner + outer), outer].map(|x| Vec3::new(x, 0.0, 0.0));
         let seen = |place: Vec2| {
             film.iter().any(|film| {
@@ -157,8 +159,8 @@ impl LensSystem {
             })
         };
         let place = |x: u32, y: u32| Vec2::new(x as f32 + 0.5, y as f32 + 0.5) * step - 1.0;
-        let places: Vec<Vec2> = (0..GRID * GRID)
-            .map(|i| square.center + place(i % GRID, i / GRID) * square.half)
+        let places: Vec<Vec2> = (0..grid * grid)
+            .map(|i| square.center + place(i % grid, i / grid) * square.half)
             .filter(|place| seen(*place))
             .collect();
         let low = places.iter().copied().reduce(Vec2::min)?;

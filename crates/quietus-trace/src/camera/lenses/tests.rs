@@ -51,7 +51,7 @@ fn rays_meet_where_the_picture_is_sharp() {
     for offset in [Vec2::new(30.0, 20.0), Vec2::new(-80.0, 0.0), Vec2::new(0.0, -100.0)] {
         let expected = offset * system.pixel * (object / image);
         // Where the pupil's middle is found is known to a step of the grid, and the lens has a thickness.
-        let step = 2.0 * REACH * 0.02 / GRID as f32;
+        let step = 2.0 * REACH * 0.02 / FINE as f32;
         let found = at_object(offset, Vec2::ZERO);
         assert!(
             found.distance(expected) < 2.0 * step + thickness / image * expected.length(),
@@ -106,6 +106,16 @@ fn pupils_hold_all_that_is_seen() {
         assert!(pupil.variance() < whole.variance(), "ellipses are there to save noise");
         suite.judge(pupil.p_same(&whole), offset);
     }
+}
+
+/// Stops that the first grid misses are found by the second.
+#[test]
+fn small_openings_are_found() {
+    let mut lenses = pair(None);
+    let wide = system(&lenses).pupils[0].half.x;
+    lenses.surfaces[2].rim /= 40.0;
+    let narrow = system(&lenses).pupils[0].half.x;
+    assert!(narrow < wide / 20.0, "{narrow} of {wide}");
 }
 
 /// The corners of the picture are darker than the middle: rims cut what they see.

@@ -24,6 +24,8 @@ pub use visit::{PixelWork, Visit};
 pub use whole_passes::{WholePass, WholePasses};
 pub use worker::Worker;
 
+use std::fmt;
+
 use crate::{
     ErrorPlane, PixelError, RegionTree, Regions, ReplicateMean, TILE_PIXELS, TileGrid,
     active_mask::pixels,
@@ -334,6 +336,18 @@ fn protocol(settings: &Settings, regions: &Regions, states: Vec<Region>) -> Prot
     let homes: Vec<u32> = tiles.clone().map(|tile| regions.home(tile)).collect();
     let containing: Vec<Vec<u32>> = tiles.map(|tile| regions.containing(tile).collect()).collect();
     Protocol::new(settings.mode, morton_order(regions.grid()), &homes, &containing, states)
+}
+
+impl fmt::Debug for AdaptiveSampling {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { settings, .. } = self;
+        let (outcome, passes) = (self.outcome(), self.passes());
+        f.debug_struct("AdaptiveSampling")
+            .field("settings", settings)
+            .field("passes", &passes)
+            .field("outcome", &outcome)
+            .finish_non_exhaustive()
+    }
 }
 
 /// Passes before whose end no tree is made: those that bring every pixel to its minimum, so that a region is not

@@ -100,6 +100,7 @@ impl From<Misfit> for StateError {
 }
 
 /// A sampling in which nobody draws, until this is dropped.
+#[derive(Debug)]
 pub struct Paused<'a>(&'a AdaptiveSampling);
 
 impl Drop for Paused<'_> {

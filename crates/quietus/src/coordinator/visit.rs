@@ -1,6 +1,6 @@
 //! One visit of a tile: which samples to draw, and the errors that come back.
 
-use std::{ops::Range, time::Duration};
+use std::{fmt, ops::Range, time::Duration};
 
 use super::{AdaptiveSampling, FinishRule, Worker};
 use crate::{
@@ -97,6 +97,15 @@ impl<'w, 'a> Visit<'w, 'a> {
 
     fn sampling(&self) -> &'a AdaptiveSampling {
         self.worker.sampling
+    }
+}
+
+impl fmt::Debug for Visit<'_, '_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Turn { tile, pass } = self.turn;
+        let mut visit = f.debug_struct("Visit");
+        visit.field("tile", &tile).field("pass", &pass);
+        visit.field("mask", &format_args!("{:#018x}", self.mask)).finish_non_exhaustive()
     }
 }
 

@@ -34,6 +34,7 @@ use crate::{
 /// assert!(passes.sampling().is_finished());
 /// # Ok::<(), quietus::SettingsError>(())
 /// ```
+#[derive(Debug)]
 pub struct WholePasses {
     sampling: AdaptiveSampling,
     /// Number of the next pass.
@@ -48,6 +49,7 @@ pub struct WholePasses {
 /// with the two replicates that are the default, samples take turns between the halves.
 ///
 /// Dropped unfinished, a pass is dealt again as it was.
+#[derive(Debug)]
 pub struct WholePass<'a> {
     passes: &'a mut WholePasses,
 }

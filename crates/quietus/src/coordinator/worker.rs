@@ -4,6 +4,7 @@ use super::{AdaptiveSampling, FinishRule, Visit, statistics::Tally};
 use crate::protocol::{Outcome, Skips, Turn};
 
 /// One thread's handle on the sampling. Between visits it holds nothing: it can be dropped at any time.
+#[derive(Debug)]
 pub struct Worker<'a> {
     pub(super) sampling: &'a AdaptiveSampling,
     pub(super) tally: Tally,

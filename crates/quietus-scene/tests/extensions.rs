@@ -8,7 +8,8 @@ use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};
 use proptest::prelude::*;
 use quietus_scene::Choice;
 use quietus_trace::desc::{
-    Geometry, Mapping, MediumId, MediumInterface, Mesh, ScalarParam, SceneDesc, Surface, Texture, TextureId,
+    Geometry, Mapping, Medium, MediumId, MediumInterface, Mesh, ScalarParam, SceneDesc, Surface, Texture,
+    TextureId,
 };
 use serde_json::{Value, json};
 
@@ -400,6 +401,35 @@ fn gloss_becomes_roughness() {
     // The texel's alpha is 1: half of it is gloss.
     let roughness = surface.roughness.at(&Default::default(), &table);
     assert!((roughness - 0.5).abs() < 1e-6, "{roughness}");
+}
+
+/// What goes straight is what the volume says, whatever is scattered; more of that the brighter the thing is to be.
+#[test]
+fn volumes_that_scatter() {
+    let media = |name: &str, color: f32, anisotropy: f32| {
+        let mut document = triangle();
+        let volume =
+            json!({"thicknessFactor": 1, "attenuationDistance": 2, "attenuationColor": [0.5, 0.25, 1]});
+        let mut scatter = json!({"scatterAnisotropy": anisotropy});
+        scatter[name] = json!([color, color, color]);
+        document["materials"] = json!([{"extensions": {
+            "KHR_materials_transmission": {"transmissionFactor": 1},
+            "KHR_materials_volume": volume,
+            "KHR_materials_volume_scatter": scatter,
+        }}]);
+        document["meshes"][0]["primitives"][0]["material"] = json!(0);
+        let medium = read_ok(&document).scene.media.remove(0);
+        let straight = (medium.absorption + medium.scattering) * -2.0;
+        assert!((straight.map(f32::exp) - Vec3::new(0.5, 0.25, 1.0)).length() < 1e-6, "{straight}");
+        medium
+    };
+    let albedo = |medium: &Medium| medium.scattering.x / (medium.absorption.x + medium.scattering.x);
+    assert!(albedo(&media("multiscatterColor", 0.0, 0.0)) < 1e-3);
+    let (half, forward) = (media("multiscatterColor", 0.5, 0.0), media("multiscatterColorFactor", 0.5, 0.7));
+    // A half-space of albedo 0.5 takes single scattering of 0.93 or so, and of more where light goes on.
+    assert!((0.9..0.95).contains(&albedo(&half)), "{half:?}");
+    assert!(albedo(&forward) > albedo(&half) && forward.g == 0.7);
+    assert!((albedo(&media("multiscatterColor", 1.0, 1.0)) - 1.0).abs() < 1e-3);
 }
 
 #[test]

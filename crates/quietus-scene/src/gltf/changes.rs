@@ -37,15 +37,17 @@ pub(super) enum Part {
 impl Part {
     /// The part of a file in which `pointer` leads to a property.
     pub(super) fn of(pointer: &str) -> Option<Self> {
-        let kinds: [(_, fn(usize) -> Self); 3] = [
-            ("/materials/", Self::Material),
-            ("/cameras/", Self::Camera),
-            ("/extensions/KHR_lights_punctual/lights/", Self::Light),
-        ];
-        kinds.into_iter().find_map(|(start, part)| {
-            let (index, property) = pointer.strip_prefix(start)?.split_once('/')?;
-            (!property.is_empty()).then_some(part(index.parse().ok()?))
-        })
+        let rest = pointer.strip_prefix('/')?;
+        let (kind, rest) =
+            rest.strip_prefix("extensions/KHR_lights_punctual/").unwrap_or(rest).split_once('/')?;
+        let (index, property) = rest.split_once('/')?;
+        let index = index.parse().ok().filter(|_| !property.is_empty())?;
+        match kind {
+            "materials" => Some(Self::Material(index)),
+            "cameras" => Some(Self::Camera(index)),
+            "lights" => Some(Self::Light(index)),
+            _ => None,
+        }
     }
 }
 

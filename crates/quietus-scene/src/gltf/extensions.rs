@@ -21,7 +21,7 @@ pub(super) fn check(document: &Document<'_>) -> Result<(), SceneError> {
 }
 
 /// What is drawn, or, where that says so itself, partly.
-const DRAWN: [&str; 25] = [
+const DRAWN: [&str; 26] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
@@ -42,6 +42,7 @@ const DRAWN: [&str; 25] = [
     "KHR_materials_unlit",
     "KHR_materials_variants",
     "KHR_materials_volume",
+    "KHR_materials_volume_scatter",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "KHR_node_visibility",

@@ -146,7 +146,7 @@ impl<'d, 'f> Materials<'d, 'f> {
         if volume.thickness_factor <= 0.0 || !lets_pass || metal_rough.unlit {
             return Ok(self.push(Material { surface: Surface::MetalRough(Box::new(metal_rough)), ..base }));
         }
-        let medium = self.attenuation(volume, &base.name, &own)?;
+        let medium = self.interior(&source.extensions, &base.name, &own)?;
         let dispersion = self.dispersion(source.extensions.dispersion.dispersion, &own)?;
         let id = if glass.factor > 0.0 {
             self.solid(base, metal_rough, dispersion)
@@ -221,15 +221,16 @@ impl<'d, 'f> Materials<'d, 'f> {
     }
 
     /// The medium inside of a thing called `name`; `None` where it lets everything through. After the attenuation
-    /// distance the attenuation colour is left of white light.
-    fn attenuation(
+    /// distance the attenuation colour is left of white light that goes straight; some of what is missing is scattered.
+    fn interior(
         &mut self,
-        volume: &schema::Volume,
+        extensions: &schema::MaterialExtensions,
         name: &str,
         own: &str,
     ) -> Result<Option<MediumId>, SceneError> {
         /// What a colour of 0 stands for: a finite coefficient must say that nothing is left.
         const DARKEST: f32 = 1e-6;
+        let schema::MaterialExtensions { volume, volume_scatter: scatter, .. } = extensions;
         let at = |name: &str| format!("{own}.extensions.KHR_materials_volume.{name}");
         let color = self.unit_color(volume.attenuation_color, &at("attenuationColor"));
         let Some(distance) = volume.attenuation_distance else { return Ok(None) };
@@ -237,11 +238,21 @@ impl<'d, 'f> Materials<'d, 'f> {
             let message = format!("is {distance}, expected a number above 0");
             return Err(self.document.invalid(&at("attenuationDistance"), message));
         }
-        let absorption = color.max(Vec3::splat(DARKEST)).map(|value| -value.ln() / distance).max(Vec3::ZERO);
-        if absorption == Vec3::ZERO {
+        let attenuation = color.max(Vec3::splat(DARKEST)).map(|value| -value.ln() / distance).max(Vec3::ZERO);
+        if attenuation == Vec3::ZERO {
             return Ok(None);
         }
-        let (scattering, emission, g, variation) = (Vec3::ZERO, Vec3::ZERO, 0.0, None);
+        let at = |name: &str| format!("{own}.extensions.KHR_materials_volume_scatter.{name}");
+        let seen = self.unit_color(scatter.multiscatter_color, &at("multiscatterColor"));
+        let g = scatter.scatter_anisotropy;
+        if !(-1.0..=1.0).contains(&g) {
+            let message = format!("is {g}, expected a number from -1 to 1");
+            return Err(self.document.invalid(&at("scatterAnisotropy"), message));
+        }
+        let g = g.clamp(-MAX_ANISOTROPY, MAX_ANISOTROPY);
+        let scattering = attenuation * seen.map(|albedo| single_scattering(albedo, g));
+        let absorption = attenuation - scattering;
+        let (emission, variation) = (Vec3::ZERO, None);
         self.media.push(Medium { name: name.to_owned(), absorption, scattering, emission, g, variation });
         Ok(Some(MediumId(self.media.len() as u32 - 1)))
     }
@@ -515,6 +526,16 @@ impl<'d, 'f> Materials<'d, 'f> {
             }
         }
     }
+}
+
+/// Largest asymmetry of scattering: light that goes straight on, or straight back, has no phase function.
+const MAX_ANISOTROPY: f32 = 0.99;
+
+/// Albedo of single scattering of asymmetry `g` in a medium of which a thick piece shows the albedo `seen` (van de Hulst's
+/// similarity relation, fitted by Kulla and Conty 2017, "Revisiting Physically Based Shading at Imageworks").
+fn single_scattering(seen: f32, g: f32) -> f32 {
+    let s = 4.097_12 + 4.208_63 * seen - (9.592_17 + 41.6808 * seen + 17.7126 * seen * seen).sqrt();
+    ((1.0 - s * s) / (1.0 - g * s * s)).clamp(0.0, 1.0)
 }
 
 /// `source` as it is without being lit. Of textures that of the base colour alone is kept.

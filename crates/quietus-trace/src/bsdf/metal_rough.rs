@@ -3,8 +3,8 @@
 //! Departures from the appendix, all for energy: it mixes layers by the Fresnel term at the half vector, which
 //! reflects up to twice the light that arrives at grazing angles, and loses what scatters more than once.
 //! - The layer below the dielectric is scaled by what its reflection leaves over in both directions (Kelemen and
-//!   Szirmay-Kalos 2001, "A Microfacet Based Coupled Specular-Matte BRDF Model", section 2.2), the one below the
-//!   coat by the share that passes on the way in and on the way out.
+//!   Szirmay-Kalos 2001, "A Microfacet Based Coupled Specular-Matte BRDF Model", section 2.2), those below the
+//!   coat by the share that passes in the direction in which less does, so that what the coat throws back is not lost.
 //! - Light that single scattering loses comes back as a separate lobe (Kulla and Conty 2017, "Revisiting
 //!   Physically Based Shading at Imageworks").
 //! - Masking and shadowing are height-correlated.
@@ -278,7 +278,7 @@ impl MetalRough {
     fn eval_pdf_with(&self, out: &Outgoing, wi: Vec3) -> (Vec3, f32) {
         let [p_cosine, p_specular, _, p_coat, p_sheen, _] = out.p;
         let wo = out.wo;
-        let through_coat = out.below_coat * self.coat.map_or(1.0, |c| c.pass(wi));
+        let through_coat = self.through_coat(out, wi);
         let through_sheen = self.through_sheen(out, wi);
         if wi.z < 0.0 {
             let (value, pdf) = self.eval_pdf_behind(out, wi);
@@ -375,9 +375,9 @@ impl MetalRough {
             (_, Some(coat)) => (coat.mirrored(out.wo)?, Vec3::splat(coat.reflectance(out.wo))),
             (_, None) => return None,
         };
-        // A coat's own light does not pass it, all other does, twice.
-        let through_coat = match (lobe, self.coat) {
-            (Lobe::Specular | Lobe::Transmitted, Some(coat)) => out.below_coat * coat.pass(wi),
+        // A coat's own light does not pass it, all other does.
+        let through_coat = match lobe {
+            Lobe::Specular | Lobe::Transmitted => self.through_coat(out, wi),
             _ => 1.0,
         };
         let through_sheen = if lobe == Lobe::Coat { 1.0 } else { self.through_sheen(out, wi) };
@@ -387,6 +387,13 @@ impl MetalRough {
         }
         let weight = value * (through_coat * through_sheen / p);
         Some(BsdfSample { wi: wi * side, weight, pdf: p, delta: true, transmission, eta: 1.0 })
+    }
+
+    /// Share of light that reaches the layers below the coat and leaves them again: the smaller share of both directions, for what
+    /// a coat throws back from below reaches the layers below once more.
+    #[inline]
+    fn through_coat(&self, out: &Outgoing, wi: Vec3) -> f32 {
+        self.coat.map_or(1.0, |coat| out.below_coat.min(coat.pass(wi)))
     }
 
     /// Share of light that reaches the layers below the sheen and leaves them again, as the extension has it: the

@@ -59,6 +59,8 @@ pub(in super::super) struct MaterialExtensions {
     pub sheen: Sheen,
     #[serde(rename = "KHR_materials_volume")]
     pub volume: Volume,
+    #[serde(rename = "KHR_materials_volume_scatter")]
+    pub volume_scatter: VolumeScatter,
     #[serde(rename = "KHR_materials_diffuse_transmission")]
     pub diffuse_transmission: DiffuseTransmission,
     #[serde(rename = "KHR_materials_dispersion")]
@@ -104,6 +106,15 @@ impl Default for Volume {
     fn default() -> Self {
         Self { thickness_factor: 0.0, attenuation_distance: None, attenuation_color: [1.0; 3] }
     }
+}
+
+/// A draft, whose colour files call by both names.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(in super::super) struct VolumeScatter {
+    #[serde(alias = "multiscatterColorFactor")]
+    pub multiscatter_color: [f32; 3],
+    pub scatter_anisotropy: f32,
 }
 
 #[derive(Debug, Deserialize)]

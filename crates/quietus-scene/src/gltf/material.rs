@@ -534,6 +534,10 @@ const MAX_ANISOTROPY: f32 = 0.99;
 /// Albedo of single scattering of asymmetry `g` in a medium of which a thick piece shows the albedo `seen` (van de Hulst's
 /// similarity relation, fitted by Kulla and Conty 2017, "Revisiting Physically Based Shading at Imageworks").
 fn single_scattering(seen: f32, g: f32) -> f32 {
+    // The fit is not quite 0 there.
+    if seen == 0.0 {
+        return 0.0;
+    }
     let s = 4.097_12 + 4.208_63 * seen - (9.592_17 + 41.6808 * seen + 17.7126 * seen * seen).sqrt();
     ((1.0 - s * s) / (1.0 - g * s * s)).clamp(0.0, 1.0)
 }

@@ -19,15 +19,26 @@ pub(super) struct ImageId(usize);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Use {
     pub encoding: Encoding,
-    /// Whether one number per texel is wanted instead of a colour.
-    pub number: bool,
+    pub channels: Channels,
     /// Where given, `1 - factor * value` is wanted, 0 where that is below.
     pub inverted: Option<f32>,
 }
 
+/// What is wanted of a texel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Channels {
+    /// Its colour.
+    Color,
+    /// The mean of red, green and blue.
+    Mean,
+    /// The same, but alpha of a picture that has it and is not opaque everywhere: so pbrt-v4 reads textures of numbers.
+    Number,
+}
+
 impl Use {
     /// A picture of colours.
-    pub(super) const COLOR: Self = Self { encoding: Encoding::Srgb, number: false, inverted: None };
+    pub(super) const COLOR: Self =
+        Self { encoding: Encoding::Srgb, channels: Channels::Color, inverted: None };
 }
 
 /// All pictures, in the order in which they were asked for.
@@ -72,12 +83,12 @@ impl Images {
 
 impl Use {
     fn applied_to(self, image: &Arc<Image>) -> Arc<Image> {
-        if !self.number && self.inverted.is_none() {
+        if self.channels == Channels::Color && self.inverted.is_none() {
             return Arc::clone(image);
         }
         let mut texels = image.texels.clone();
-        if self.number {
-            texels = numbers(texels);
+        if self.channels != Channels::Color {
+            texels = numbers(texels, self.channels == Channels::Number);
         }
         if let Some(factor) = self.inverted {
             let invert = |[r, g, b, a]: [f32; 4]| {
@@ -90,17 +101,23 @@ impl Use {
     }
 }
 
-/// The mean of red, green and blue (and of alpha, where it is not 1 everywhere: so pbrt-v4 does it) in all channels.
-fn numbers(texels: Texels) -> Texels {
+/// The mean of red, green and blue in all channels; alpha instead, decoded as they are, where it is wanted `over` them and not
+/// 1 everywhere.
+fn numbers(texels: Texels, over: bool) -> Texels {
     if let Texels::Srgb8(all) | Texels::Linear8(all) = &texels
         && all.iter().all(|[r, g, b, a]| r == g && g == b && *a == 255)
     {
         return texels;
     }
+    let curved = matches!(texels, Texels::Srgb8(_));
     let linear = linear(texels);
-    let opaque = linear.iter().all(|texel| texel[3] == 1.0);
-    let mean = |[r, g, b, a]: [f32; 4]| if opaque { (r + g + b) / 3.0 } else { (r + g + b + a) / 4.0 };
-    Texels::Float(linear.into_iter().map(|texel| [mean(texel); 4]).collect())
+    let masks = over && linear.iter().any(|texel| texel[3] != 1.0);
+    let number = |[r, g, b, a]: [f32; 4]| match masks {
+        true if curved => srgb_to_linear(a),
+        true => a,
+        false => (r + g + b) / 3.0,
+    };
+    Texels::Float(linear.into_iter().map(|texel| [number(texel); 4]).collect())
 }
 
 /// Texels as linear floats.
@@ -125,16 +142,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_means_of_light() {
-        let Texels::Float(texels) = numbers(Texels::Srgb8(vec![[255, 0, 0, 255]])) else {
-            panic!("expected floats");
+    fn numbers_are_means_of_light_or_alpha() {
+        let numbers = |texels: Texels, over: bool| match numbers(texels, over) {
+            Texels::Float(texels) => texels.iter().map(|texel| texel[0]).collect::<Vec<_>>(),
+            other => panic!("expected floats: {other:?}"),
         };
-        assert_eq!(texels, [[1.0 / 3.0; 4]]);
-        let Texels::Float(texels) = numbers(Texels::Linear8(vec![[255, 0, 0, 0]])) else {
-            panic!("expected floats");
-        };
-        assert_eq!(texels, [[0.25; 4]]);
-        let grey = numbers(Texels::Srgb8(vec![[7, 7, 7, 255]]));
+        let red = vec![[255, 0, 0, 255]];
+        assert_eq!(numbers(Texels::Srgb8(red.clone()), true), [1.0 / 3.0]);
+        let masked = [red, vec![[0, 255, 255, 51]]].concat();
+        assert_eq!(numbers(Texels::Linear8(masked.clone()), true), [1.0, 0.2]);
+        assert_eq!(numbers(Texels::Srgb8(masked.clone()), true), [1.0, srgb_to_linear(0.2)]);
+        assert_eq!(numbers(Texels::Linear8(masked), false), [1.0 / 3.0, 2.0 / 3.0]);
+        let grey = self::numbers(Texels::Srgb8(vec![[7, 7, 7, 255]]), true);
         assert!(matches!(grey, Texels::Srgb8(texels) if texels == [[7, 7, 7, 255]]));
     }
 }

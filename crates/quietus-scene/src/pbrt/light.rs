@@ -13,7 +13,7 @@ use quietus_trace::desc::{
 
 use super::draft::{AreaLight, Entity};
 use super::fault::{Context, Fault, Place, Result, unknown};
-use super::images::{ImageId, Images, Requests, Use, linear};
+use super::images::{Channels, ImageId, Images, Requests, Use, linear};
 use super::params::{Kind, Params};
 use super::surrounding;
 use super::transform::{Moving, Parts, uniform_scale};
@@ -366,7 +366,7 @@ fn goniometric(
     context: &Context,
     images: &mut Requests,
 ) -> Result<Shone> {
-    let number = Use { number: true, ..Use::COLOR };
+    let number = Use { channels: Channels::Mean, ..Use::COLOR };
     let Some(image) = picture(params, number, context, images)? else {
         context.warn(params.place, "a goniometric light without \"filename\" shines to all sides alike");
         let position = to_world.translation.as_vec3();

@@ -15,7 +15,7 @@ use quietus_trace::texture::{TextureError, TextureTable};
 
 use super::draft::TextureEntity;
 use super::fault::{Context, Fault, Place, Result, unknown};
-use super::images::{ImageId, Images, Requests, Use};
+use super::images::{Channels, ImageId, Images, Requests, Use};
 use super::params::{Kind, Param, Params, Values};
 use super::spectrum::{self, Spectrum};
 use super::transform::single;
@@ -300,7 +300,8 @@ impl<'c> Textures<'c> {
         let inverted = (invert && scale != 1.0).then_some(scale);
         let encoding = encoding(params)?;
         let path = self.context.resolve(name);
-        let wanted = Use { encoding, number: !texture.color, inverted };
+        let channels = if texture.color { Channels::Color } else { Channels::Number };
+        let wanted = Use { encoding, channels, inverted };
         let place = self.context.full_words(params.place_of("filename"));
         let image = self.images.ask(path, wanted, &place);
         params.ignore(&["maxanisotropy"]);

@@ -33,7 +33,7 @@ Examples:
 #[derive(Args, Clone, Debug)]
 #[command(after_help = format!("{EXAMPLES}\n\n{EXIT_CODES}"))]
 pub(crate) struct EvalArgs {
-    /// Scenes: `embedded`, or glTF 2.0 files (.gltf, .glb).
+    /// Scenes: `embedded`, or glTF 2.0 (.gltf, .glb) and pbrt-v4 files (.pbrt).
     #[arg(default_values = ["embedded"])]
     scenes: Vec<String>,
 

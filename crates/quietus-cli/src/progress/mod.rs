@@ -81,12 +81,16 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    /// Share of the samples that the noise asked for will take: the squared error falls as 1/n from where it was
-    /// measured last.
+    /// Share of the samples that the noise asked for will take: those that are foreseen or, where none are, as many as if the
+    /// squared error fell as 1/n from where it was measured last.
     fn noise_share(&self) -> Option<f64> {
-        let NoiseProgress { asked, measured, .. } = self.progress.noise?;
+        let Progress { noise, samples, foreseen_samples, .. } = self.progress;
+        let NoiseProgress { asked, measured, .. } = noise?;
+        if let Some(foreseen) = foreseen_samples {
+            return Some(samples as f64 / foreseen.max(1.0));
+        }
         let squared = (asked / measured?.reached).powi(2);
-        Some(squared * self.progress.samples as f64 / self.measured_at.max(1) as f64)
+        Some(squared * samples as f64 / self.measured_at.max(1) as f64)
     }
 }
 

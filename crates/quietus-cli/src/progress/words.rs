@@ -115,5 +115,8 @@ pub(super) mod tests {
         assert!(status(&of(known)).starts_with("noise 2.31 % of 1 % asked, will end at 1.25 %, 12.3"));
         // (1 / 2.31)^2 of the samples when it was measured, and twice as many now.
         assert_eq!(share(Measure::Noise, &of(known)), "37.5 % of the way, 1:02:03 left");
+        let mut foreseen = of(known);
+        foreseen.progress.foreseen_samples = Some(40.0);
+        assert_eq!(share(Measure::Noise, &foreseen), "25.0 % of the way, 1:02:03 left");
     }
 }

@@ -312,6 +312,12 @@ impl Dealt {
         self.asked.iter().map(|pixel| pixel.count.max(self.least).into()).collect()
     }
 
+    /// Samples of all pixels if quotas are multiplied by `factor`.
+    pub(crate) fn samples(&self, factor: f64) -> f64 {
+        let then = |pixel: &DealtPixel| f64::from(self.then(pixel, factor));
+        self.stands_for * self.pixels.iter().map(then).sum::<f64>()
+    }
+
     /// Samples of all pixels if quotas are multiplied by `factor`; and what was drawn and is left then, where samples of each
     /// tile cost `costs`.
     pub(crate) fn left(&self, factor: f64, costs: &[f64]) -> [f64; 3] {

@@ -255,15 +255,9 @@ impl Outlook {
         });
         let is_last = usize::from(way.is_last);
         let dealt = dealt.towards_a_noise();
-        let (factor, spread) = if way.is_last || self.crept.is_some() {
-            (way.factor, STEERED_SPREADS[is_last])
-        } else {
-            let from = |number: usize| began.scouted[number];
-            let fall = |factor: f64| scout.fall(from, |number| dealt.asked(number, factor));
-            let scouted = way.fall.and_then(|needed| factor_to(scout, needed, fall));
-            let foldings = (dealt.left(way.factor, costs)[0] / began.foreseen[0]).ln().max(0.0);
-            // Where scouted pixels find it out of reach, the steering knows what it does instead.
-            both(way.factor, scouted.filter(|(factor, _)| *factor < LARGEST_FACTOR), foldings)
+        let (factor, spread) = match way.is_last || self.crept.is_some() {
+            true => (way.factor, STEERED_SPREADS[is_last]),
+            false => unknown_factor(way.factor, way.fall, scout, began, &dealt),
         };
         let [samples, drawn, left] = dealt.left(factor, costs);
         let (least, share) = STEERED_CREEP[is_last];
@@ -286,6 +280,23 @@ impl Outlook {
         // Rounds before the last have a third of the samples, all together.
         Effort::REPORT.expected_share(self.pixels) + 0.4 * Effort::STEP.expected_share(self.pixels)
     }
+}
+
+/// What quotas are to be multiplied by in the round after the first, and the deviation of the logarithm of what comes of it: by
+/// halves of the film `steered`, by scouted pixels what makes the error fall as it has to, to `fall` times what it was.
+fn unknown_factor(
+    steered: f64,
+    fall: Option<f64>,
+    scout: &Scout,
+    began: &Beginning,
+    dealt: &Dealt,
+) -> (f64, f64) {
+    let from = |number: usize| began.scouted[number];
+    let falls = |factor: f64| scout.fall(from, |number| dealt.asked(number, factor));
+    let scouted = fall.and_then(|fall| factor_to(scout, fall, falls));
+    // Where scouted pixels find it out of reach, the steering knows what it does instead.
+    let scouted = scouted.filter(|(factor, _)| *factor < LARGEST_FACTOR);
+    both(steered, scouted, (dealt.samples(steered) / began.foreseen[0]).ln().max(0.0))
 }
 
 /// The least factor of quotas at which the square that `square` says, with its relative deviation, comes to `goal`; and that

@@ -186,7 +186,7 @@ fn points_and_lines_have_an_extent() {
         let mesh = mesh(&loaded.scene);
         assert_eq!((mesh.positions.len(), mesh.triangles.len()), (vertices, triangles), "mode {mode}");
         // The diagonal of the box in the world is 10 times that of the unit square, and so is the node's scale.
-        let radius = 0.5e-3 * 2.0_f32.sqrt();
+        let radius = if mode == 0 { 1.5e-3 } else { 0.5e-3 } * 2.0_f32.sqrt();
         let at_corner = mesh.positions.iter().zip(&mesh.colors).filter(|(_, color)| color.x == 1.0);
         for (position, _) in at_corner {
             assert!((position.length() - radius).abs() < 1e-6, "{position}");

@@ -1,5 +1,5 @@
-//! Points and lines (specification, section 3.7.2.1), which have no extent of their own: drawn as octahedra and prisms about
-//! as wide as a pixel of a picture that shows the whole scene.
+//! Points and lines (specification, section 3.7.2.1), which have no extent of their own: drawn as octahedra and prisms, lines
+//! about as wide as a pixel of a picture that shows the whole scene, points as three.
 
 use std::sync::Arc;
 
@@ -20,8 +20,11 @@ pub(super) enum Strokes {
     Lines(Vec<[u32; 2]>),
 }
 
-/// Width of strokes over the diagonal of the scene's box.
-const WIDTH: f32 = 1e-3;
+/// Width of lines over the diagonal of the scene's box.
+const LINE_WIDTH: f32 = 1e-3;
+
+/// The same of points: of a single pixel that an octahedron covers but partly nothing could be seen.
+const POINT_WIDTH: f32 = 3e-3;
 
 /// Most memory that what is drawn of one point or line takes: eight vertices and triangles.
 const STROKE_BYTES: u64 = 8 * (96 + size_of::<[u32; 3]>() as u64);
@@ -43,6 +46,14 @@ impl Strokes {
         }
     }
 
+    /// Their width over the diagonal of the scene's box.
+    fn width(&self) -> f32 {
+        match self {
+            Self::Points(_) => POINT_WIDTH,
+            Self::Lines(_) => LINE_WIDTH,
+        }
+    }
+
     /// Number of them.
     fn len(&self) -> usize {
         match self {
@@ -60,19 +71,19 @@ pub(super) fn thicken(stage: &mut Stage, document: &Document<'_>) -> Result<(), 
         return Ok(());
     }
     let worlds = stage.rest_worlds()?;
-    let width = WIDTH * diagonal(stage, &worlds);
+    let diagonal = diagonal(stage, &worlds);
     for model in &stage.models {
         let scale = match model.skin {
             Some(_) => 1.0,
             None => worlds[model.slot].matrix3.determinant().abs().cbrt(),
         };
-        let radius = if scale > 0.0 { 0.5 * width / scale } else { 0.5 * width };
+        let half = if scale > 0.0 { 0.5 * diagonal / scale } else { 0.5 * diagonal };
         let Some(figure) = stage.figures.get_mut(&model.mesh) else { continue };
         for part in &mut figure.parts {
             let Some(strokes) = part.strokes.take() else { continue };
             let place = format!("meshes[{}]", model.mesh);
             document.claim_geometry(&place, STROKE_BYTES.saturating_mul(strokes.len() as u64))?;
-            *part = solid(part, &strokes, radius);
+            *part = solid(part, &strokes, half * strokes.width());
         }
     }
     Ok(())

@@ -1,13 +1,14 @@
-//! The reader of glTF 2.0: `container` and `schema` take a file apart, `document` holds it together with its
-//! buffers, `accessor` reads numbers, and `material`, `texture`, `image`, `mesh`, `skin`, `hierarchy`, `animation` and `graph`
-//! turn them into a `stage`: all that the file holds, from which the scene at any moment is made by `deform`.
+//! The reader of glTF 2.0: `container` and `schema` take a file apart, `choice` picks a scene and a variant of it, `document` holds
+//! it together with its buffers, `accessor` reads numbers, and `material`, `texture`, `image`, `mesh`, `skin`, `hierarchy`, `animation` and `graph`
+//! turn them into a `stage`: all that the file holds, from which the scene at any moment is made by `deform` and `changes`.
+//! Points and lines get an extent by `strokes`.
 //!
 //! Units: glTF's lengths are metres; its photometric units are taken one to one as radiometric ones, so that 1 nit
 //! of `emissiveStrength` is a radiance of 1, 1 candela an intensity of 1 per steradian and 1 lux an irradiance of
 //! 1, and lights keep their proportions.
 //!
-//! Left out with a warning: the range of lights, extensions that are not known. Left out without one, because paths make them obsolete: occlusion
-//! textures; because they only steer rasterisers: minification filters, clip planes, back-face culling.
+//! Left out with a warning: the range of lights, extensions that are not known. Left out without one, because paths make them
+//! obsolete: occlusion textures; because they only steer rasterisers: minification filters, clip planes, back-face culling.
 
 mod accessor;
 mod animation;

@@ -19,7 +19,7 @@ use crate::weights::Weights;
 const PAUSE: (f64, Duration) = (1.03, Duration::from_millis(40));
 
 /// Samples per pixel before which pixels are not scouted: halves of fewer are no guide to where the error is.
-const LEAST_SAMPLES: f64 = 6.0;
+const LEAST_SAMPLES: f64 = 3.0;
 
 /// Share of all samples, as far as that is known, that is drawn for the guess in the first round;
 const SCOUTED: f64 = 0.015;

@@ -78,7 +78,7 @@ impl<'a> Materials<'a> {
             Surface::Conductor { metal, roughness } => self.conductor(metal, roughness)?,
             Surface::Dielectric { ior, roughness, tint } => self.glass(*ior, roughness, tint)?,
             Surface::Glass(glass) => {
-                self.note("films and dispersion of glass are left out");
+                self.note("films, dispersion and multiple scattering of glass are left out");
                 self.glass(glass.ior.y, &glass.roughness, &glass.tint)?
             }
             Surface::ThinDielectric { ior } => {

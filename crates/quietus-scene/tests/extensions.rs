@@ -238,10 +238,11 @@ fn glass(transmission: f32, metallic: f32, volume: Value) -> Value {
 fn volumes_are_glass_with_an_inside() {
     let volume = json!({"thicknessFactor": 2, "attenuationDistance": 0.5, "attenuationColor": [1, 0.25, 0]});
     let scene = with_material(glass(1.0, 0.0, volume.clone()));
-    let Surface::Dielectric { ior, roughness, tint } = &scene.materials[0].surface else {
+    let Surface::Glass(found) = &scene.materials[0].surface else {
         panic!("expected glass: {:?}", scene.materials[0].surface)
     };
-    assert_eq!((*ior, roughness.u, tint.factor), (1.33, ScalarParam::constant(0.25), Vec3::new(0.5, 1., 1.)));
+    assert_eq!((found.ior, found.roughness.u), (Vec3::splat(1.33), ScalarParam::constant(0.25)));
+    assert_eq!((found.tint.factor, found.keeps_light), (Vec3::new(0.5, 1., 1.), true));
     let media = Some(MediumInterface { inside: Some(MediumId(0)), outside: None });
     assert_eq!(scene.objects[0].shapes[0].media, media);
     // After half a metre a quarter of green is left, and after one a sixteenth.
@@ -251,7 +252,10 @@ fn volumes_are_glass_with_an_inside() {
     assert!(medium.absorption.z.is_finite() && (-0.5 * medium.absorption.z).exp() < 1e-5);
     // Clear glass has no medium, thin walls have no inside, and neither have things that nothing passes.
     let clear = with_material(glass(1.0, 0.0, json!({"thicknessFactor": 1})));
-    assert!(matches!(clear.materials[0].surface, Surface::Dielectric { .. }) && clear.media.is_empty());
+    assert!(matches!(clear.materials[0].surface, Surface::Glass(_)) && clear.media.is_empty());
+    let mut smooth = glass(1.0, 0.0, json!({"thicknessFactor": 1}));
+    smooth["pbrMetallicRoughness"]["roughnessFactor"] = json!(0);
+    assert!(matches!(with_material(smooth).materials[0].surface, Surface::Dielectric { .. }));
     for (transmission, thickness) in [(1.0, 0.0), (0.0, 1.0)] {
         let scene = with_material(glass(transmission, 0.0, json!({"thicknessFactor": thickness})));
         assert!(matches!(scene.materials[0].surface, Surface::MetalRough(_)));
@@ -269,7 +273,7 @@ fn partial_transmission_is_a_mixture() {
     let [opaque, glass] = materials.map(|id| &scene.materials[id.0 as usize]);
     let Surface::MetalRough(opaque_surface) = &opaque.surface else { panic!("expected the base material") };
     assert_eq!((opaque_surface.transmission.factor, opaque_surface.metallic.factor), (0.0, 0.5));
-    assert!(matches!(glass.surface, Surface::Dielectric { .. }));
+    assert!(matches!(glass.surface, Surface::Glass(_)));
     assert_eq!((opaque.emission.factor, glass.emission.factor), (Vec3::ZERO, Vec3::ZERO), "it emits once");
     assert!(scene.objects[0].shapes[0].media.is_some());
 }

@@ -5,6 +5,7 @@
 //! coverage belong to the mixture as a whole.
 
 mod check;
+mod glass;
 mod normal;
 mod params;
 mod scatter;
@@ -17,7 +18,7 @@ use glam::Vec3;
 
 use self::params::each_param;
 use crate::{
-    bsdf::{layered::CoatTable, measured::MeasuredTable, subsurface::SubsurfaceTable},
+    bsdf::{FrostedTable, layered::CoatTable, measured::MeasuredTable, subsurface::SubsurfaceTable},
     desc::{self, Alpha, ColorParam, MaterialId, Roughness, ScalarParam, Surface, Texture, TextureId},
     texture::{TextureError, TextureTable},
 };
@@ -43,6 +44,8 @@ struct Compiled {
     disperses: bool,
     /// What its coat lets pass, where there is one and a closed form for it.
     coat: Option<Arc<CoatTable>>,
+    /// What glass loses that keeps its light, by channel.
+    frosted: Option<[Arc<FrostedTable>; 3]>,
     /// Which medium gives back how much light, where light wanders below it.
     below: Option<Arc<SubsurfaceTable>>,
     /// What was measured of it, if it was.
@@ -102,16 +105,17 @@ impl MaterialTable {
         let textures = TextureTable::compile(textures, |id| exact.contains(&id))?;
         let mut table = Self { textures, materials: vec![] };
         let (coats, below) = (scatter::coats(materials), subsurface::tables(materials));
-        let measured = measured(materials);
+        let (measured, frosted) = (measured(materials), glass::frosted(materials));
         table.materials = materials
             .iter()
-            .zip(coats.into_iter().zip(below))
-            .map(|(desc, (coat, below))| Compiled {
+            .zip(coats.into_iter().zip(below).zip(frosted))
+            .map(|(desc, ((coat, below), frosted))| Compiled {
                 desc: desc.clone(),
                 opaque: is_opaque(desc, materials),
                 needs_tangent: needs_tangent(desc, materials),
                 disperses: disperses(desc),
                 coat,
+                frosted,
                 below,
                 measured: match &desc.surface {
                     Surface::Measured(m) => measured.get(&Arc::as_ptr(m)).cloned(),

@@ -167,11 +167,12 @@ impl<'d, 'f> Materials<'d, 'f> {
     fn solid(&mut self, base: Material, surface: MetalRough, dispersion: f32) -> MaterialId {
         let MetalRough { ior, base_color: tint, film, .. } = surface;
         let roughness = Roughness::perceptual(surface.roughness);
-        let glass = if dispersion > 0.0 || film.strength.factor > 0.0 {
+        let smooth = surface.roughness.factor == 0.0;
+        let glass = if dispersion > 0.0 || film.strength.factor > 0.0 || !smooth {
             // The extension's own measure: Abbe's number compares these two differences.
             let spread = 0.025 * dispersion * (ior - 1.0);
             let ior = Vec3::new((ior - spread).max(1.0), ior, ior + spread);
-            Surface::Glass(Box::new(Glass { ior, roughness, tint, film }))
+            Surface::Glass(Box::new(Glass { ior, roughness, tint, film, keeps_light: true }))
         } else {
             Surface::Dielectric { ior, roughness, tint }
         };

@@ -269,7 +269,8 @@ impl<'a, 'c> Materials<'a, 'c> {
         }
         let ior = spectrum.index();
         if ior.min_element() > 0.0 {
-            return Ok(Surface::Glass(Box::new(Glass { ior, roughness, tint, film: ThinFilm::NONE })));
+            let film = ThinFilm::NONE;
+            return Ok(Surface::Glass(Box::new(Glass { ior, roughness, tint, film, keeps_light: false })));
         }
         let message =
             format!("\"eta\" of {} is {ior} for red, green and blue, expected above 0", params.owner);

@@ -44,8 +44,9 @@ impl Dielectric {
         Self { film: Film::new(film, Vec3::splat(f0)), ..self }
     }
 
+    /// Whether it is perfectly smooth, or as good as that.
     #[inline]
-    pub(super) fn is_delta(&self) -> bool {
+    pub fn is_delta(&self) -> bool {
         self.ggx.is_none()
     }
 

@@ -18,6 +18,7 @@ mod albedo_table;
 mod conductor;
 mod dielectric;
 mod film;
+mod frosted;
 pub mod hair;
 pub mod layered;
 pub mod measured;
@@ -33,6 +34,7 @@ use glam::{Vec2, Vec3};
 pub use conductor::Conductor;
 pub use dielectric::Dielectric;
 pub use film::{Film, FilmParams};
+pub use frosted::{FrostedGlass, FrostedTable};
 pub use hair::{Hair, HairParams};
 pub use layered::{CoatedDiffuse, Layered};
 pub use measured::Measured;
@@ -53,6 +55,8 @@ pub enum Bsdf<'a> {
     Conductor(Conductor),
     /// GGX glass; +z points out of the medium.
     Dielectric(Dielectric),
+    /// GGX glass that keeps what facets throw at each other; +z points out of the medium.
+    FrostedGlass(FrostedGlass<'a>),
     /// A pane of glass.
     ThinDielectric(ThinDielectric),
     /// Lambert on both sides, and through.
@@ -119,6 +123,7 @@ impl Bsdf<'_> {
             Self::DiffuseTransmission(b) => b.eval_pdf(wo, wi),
             Self::Conductor(b) => b.eval_pdf(wo, wi),
             Self::Dielectric(b) => b.eval_pdf(wo, wi),
+            Self::FrostedGlass(b) => b.eval_pdf(wo, wi),
             Self::CoatedDiffuse(b) => b.eval_pdf(wo, wi),
             Self::Layered(b) => b.eval_pdf(wo, wi),
             Self::Hair(b) => b.eval_pdf(wo, wi),
@@ -137,6 +142,7 @@ impl Bsdf<'_> {
             Self::Diffuse(b) => b.sample(wo, u),
             Self::Conductor(b) => b.sample(wo, u),
             Self::Dielectric(b) => b.sample(wo, u_lobe, u),
+            Self::FrostedGlass(b) => b.sample(wo, u_lobe, u),
             Self::ThinDielectric(b) => b.sample(wo, u_lobe),
             Self::DiffuseTransmission(b) => b.sample(wo, u_lobe, u),
             Self::CoatedDiffuse(b) => b.sample(wo, u_lobe, u),
@@ -156,6 +162,7 @@ impl Bsdf<'_> {
             Self::Diffuse(_)
             | Self::DiffuseTransmission(_)
             | Self::CoatedDiffuse(_)
+            | Self::FrostedGlass(_)
             | Self::Hair(_)
             | Self::Measured(_) => false,
             Self::Conductor(b) => b.is_delta(),
@@ -184,6 +191,7 @@ impl Bsdf<'_> {
             Self::Diffuse(b) => b.reflectance,
             Self::Conductor(b) => b.albedo(),
             Self::Dielectric(b) => b.albedo(),
+            Self::FrostedGlass(b) => b.albedo(),
             Self::ThinDielectric(_) => Vec3::ONE,
             Self::DiffuseTransmission(b) => b.reflectance + b.transmittance,
             Self::CoatedDiffuse(b) => b.albedo(),

@@ -2,14 +2,17 @@
 
 mod witness;
 
+use std::collections::BTreeMap;
 use std::f32::consts::PI;
+use std::sync::Mutex;
 
 use glam::{Vec2, Vec3};
 
 use super::{
-    Bsdf, Conductor, Dielectric, Diffuse, DiffuseTransmission, FilmParams, MetalRough, MetalRoughParams,
-    ThinDielectric,
+    Bsdf, Conductor, Dielectric, Diffuse, DiffuseTransmission, FilmParams, FrostedTable, MetalRough,
+    MetalRoughParams, ThinDielectric,
     albedo_table::{LobeAlbedo, MAX_ERROR},
+    frosted,
     ggx::Ggx,
 };
 use crate::testing::{Mean, Rng, Suite, chi_square_directions, direction};
@@ -52,12 +55,29 @@ fn plain_bsdfs(least_roughness: f32) -> Vec<(String, Bsdf<'static>)> {
     }
     all.push(("leaf".to_owned(), leaf()));
     all.push(("oily glass".to_owned(), oily_glass(Ggx::from_roughness(0.4))));
+    for (ior, roughness) in [(1.8, 0.7), (1.0 / 1.5, 1.0), (1.5, 0.4)] {
+        all.push((
+            format!("frosted glass {ior}, roughness {roughness}"),
+            frosted_glass(ior, roughness, Vec3::new(0.9, 0.5, 1.0)),
+        ));
+    }
     all
 }
 
 fn oily_glass(ggx: Option<Ggx>) -> Bsdf<'static> {
     let film = FilmParams { strength: 0.9, ior: 1.8, thickness: 300.0 };
     Bsdf::Dielectric(Dielectric::new(1.5, ggx, Vec3::ONE).with_film(film))
+}
+
+/// Glass that keeps its light, with tables made once for each kind.
+fn frosted_glass(ior: f32, roughness: f32, tint: Vec3) -> Bsdf<'static> {
+    static TABLES: Mutex<BTreeMap<[u32; 2], &FrostedTable>> = Mutex::new(BTreeMap::new());
+    let surface = Dielectric::new(ior, Ggx::from_roughness(roughness), tint);
+    let key = [ior, roughness].map(f32::to_bits);
+    let mut tables = TABLES.lock().expect("no test panics here");
+    let make = || &*Box::leak(Box::new(FrostedTable::new(ior, Some(roughness * roughness))));
+    let table: &FrostedTable = tables.entry(key).or_insert_with(make);
+    Bsdf::FrostedGlass(table.glass(surface, tint))
 }
 
 fn leaf() -> Bsdf<'static> {
@@ -202,7 +222,7 @@ fn random_bsdf(rng: &mut Rng, white: bool, least_roughness: f32) -> Bsdf<'static
     let alpha = roughness.max(0.0).powi(2);
     let aspect = if rng.next_1d() < 0.5 { 1.0 } else { 1.0 + 20.0 * rng.next_1d() };
     let ggx = brushed(alpha, aspect * alpha).filter(|_| roughness > 0.0);
-    match rng.next_u64() % 7 {
+    match rng.next_u64() % 8 {
         0 => Bsdf::Diffuse(Diffuse { reflectance: color }),
         1 => Bsdf::Conductor(Conductor::new(0.1 + 2.0 * color, 4.0 * color, ggx)),
         2 => {
@@ -216,6 +236,10 @@ fn random_bsdf(rng: &mut Rng, white: bool, least_roughness: f32) -> Bsdf<'static
             let share = rng.next_1d();
             let (reflectance, transmittance) = (share * color, (1.0 - share) * color);
             Bsdf::DiffuseTransmission(DiffuseTransmission { reflectance, transmittance })
+        }
+        5 => {
+            let kind = rng.next_u64() as usize;
+            frosted_glass([0.6, 1.33, 1.5, 2.4][kind % 4], [0.3, 0.5, 0.8, 1.0][kind / 4 % 4], color)
         }
         _ => metal_rough(random_metal_rough(rng, white, least_roughness)),
     }
@@ -279,6 +303,23 @@ fn rough_white_metal_keeps_what_the_table_knows() {
             let short = f64::from(2.0 * MAX_ERROR * (1.0 + lobe.at(wo.z).lost() / lobe.mean().lost()));
             suite.judge(mean.p_at_most(1.0), format!("{roughness}, {wo}: {}", mean.mean()));
             suite.judge(mean.p_at_least(1.0 - short), format!("{roughness}, {wo}: {}", mean.mean()));
+        }
+    }
+}
+
+/// As much is lost as tables are rounded down by: at most twice their error at `wo`, and as much of the mean.
+#[test]
+fn frosted_glass_keeps_its_light() {
+    let mut rng = Rng::new(19);
+    let kinds = [(1.5, 0.5), (1.8, 0.7), (2.4, 1.0), (0.7, 0.8)];
+    let mut suite = Suite::new(2 * kinds.len() * outgoing().len());
+    for (ior, roughness) in kinds {
+        let glass = frosted_glass(ior, roughness, Vec3::ONE);
+        for wo in outgoing() {
+            let mean = white_furnace(&glass, wo, &mut rng, 100_000, 0);
+            suite.judge(mean.p_at_most(1.0), format!("{ior}, {roughness}, {wo}: {}", mean.mean()));
+            let least = 1.0 - 2.0 * f64::from(frosted::MAX_ERROR);
+            suite.judge(mean.p_at_least(least), format!("{ior}, {roughness}, {wo}: {}", mean.mean()));
         }
     }
 }

@@ -71,7 +71,7 @@ pub enum Surface {
         /// Multiplies what is transmitted.
         tint: ColorParam,
     },
-    /// A dielectric that disperses light, or has a film on it.
+    /// A dielectric that disperses light, has a film on it, or keeps the light that its facets throw at each other.
     Glass(Box<Glass>),
     /// A pane: two parallel smooth interfaces so close that light leaves where it came in.
     ThinDielectric {
@@ -132,6 +132,9 @@ pub struct Glass {
     pub tint: ColorParam,
     /// On its surface.
     pub film: ThinFilm,
+    /// Whether what facets throw at each other comes out in the end, on both sides; pbrt-v4 loses it. With a film, or where
+    /// its surface is rougher one way than the other, it is lost all the same.
+    pub keeps_light: bool,
 }
 
 /// A surface that light enters, and what is below it, on the side that its geometric normal points away from.

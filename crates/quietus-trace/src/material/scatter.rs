@@ -77,15 +77,9 @@ impl MaterialTable {
     #[inline(never)]
     pub fn bsdf_of_channel(&self, id: MaterialId, point: &SurfacePoint, channel: usize) -> Bsdf<'_> {
         match &self.material(id).surface {
-            Surface::Glass(glass) => self.glass(glass, point, glass.ior[channel]),
+            Surface::Glass(glass) => self.glass(id, glass, point, channel),
             surface => self.rare_bsdf(id, surface, point, 0),
         }
-    }
-
-    fn glass(&self, glass: &desc::Glass, point: &SurfacePoint, ior: f32) -> Bsdf<'_> {
-        let tint = glass.tint.at(point, &self.textures).clamp(Vec3::ZERO, Vec3::ONE);
-        let plain = Dielectric::new(ior, self.facets(&glass.roughness, point), tint);
-        Bsdf::Dielectric(plain.with_film(self.film(&glass.film, point)))
     }
 
     /// Models with a price, out of the way of the others.
@@ -115,7 +109,7 @@ impl MaterialTable {
                 let metal = Conductor::new(eta / coat.ior, k / coat.ior, self.facets(roughness, point));
                 self.layered(coat, Base::Conductor(metal), point, key)
             }
-            Surface::Glass(glass) => self.glass(glass, point, glass.ior.y),
+            Surface::Glass(glass) => self.glass(id, glass, point, 1),
             Surface::Hair(hair) => Bsdf::Hair(self.hair(hair, point)),
             Surface::Subsurface(s) => self.subsurface(id, s, point),
             Surface::Measured(_) => match &self.compiled(id).measured {
@@ -128,7 +122,7 @@ impl MaterialTable {
 
     /// A thin film at a point.
     #[inline]
-    fn film(&self, film: &desc::ThinFilm, point: &SurfacePoint) -> FilmParams {
+    pub(super) fn film(&self, film: &desc::ThinFilm, point: &SurfacePoint) -> FilmParams {
         let strength = film.strength.at(point, &self.textures).clamp(0.0, 1.0);
         let [least, most] = film.thickness;
         let place = film.place.at(point, &self.textures).clamp(0.0, 1.0);
@@ -204,7 +198,7 @@ impl MaterialTable {
 impl RoughnessScale {
     /// The GGX alpha of a roughness; of one below 0 that of 0.
     #[inline]
-    fn alpha(self, roughness: f32) -> f32 {
+    pub(super) fn alpha(self, roughness: f32) -> f32 {
         let roughness = roughness.max(0.0);
         match self {
             Self::Squared => roughness * roughness,

@@ -121,7 +121,7 @@ fn smooth_return(ior: f32, thickness: f32) -> f32 {
 }
 
 /// Mean over the hemisphere, weighted by the cosine.
-fn mean(points: u32, f: impl Fn(f32) -> f32) -> f32 {
+pub(in crate::bsdf) fn mean(points: u32, f: impl Fn(f32) -> f32) -> f32 {
     let at = |i: u32| f64::from(f(((i as f32 + 0.5) / points as f32).sqrt()));
     ((0..points).map(at).sum::<f64>() / f64::from(points)) as f32
 }
@@ -143,7 +143,11 @@ fn returned(coat: &Dielectric, thickness: f32, cos: f32, points: [u32; 2]) -> f3
 }
 
 /// Mean of `f` over the random numbers that draw facets, for the direction at cosine `cos`.
-fn over_facets([columns, rows]: [u32; 2], cos: f32, f: impl Fn(Vec3, Vec2) -> Option<f32>) -> f32 {
+pub(in crate::bsdf) fn over_facets(
+    [columns, rows]: [u32; 2],
+    cos: f32,
+    f: impl Fn(Vec3, Vec2) -> Option<f32>,
+) -> f32 {
     // At cos = 0 the limit is wanted, not 0 / 0.
     let cos = cos.clamp(1e-5, 1.0);
     let w = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
@@ -161,24 +165,24 @@ fn over_facets([columns, rows]: [u32; 2], cos: f32, f: impl Fn(Vec3, Vec2) -> Op
 
 /// The place of `alpha` on the axis of roughness, in 0..1.
 #[inline]
-fn place_of(alpha: f32) -> f32 {
+pub(in crate::bsdf) fn place_of(alpha: f32) -> f32 {
     let root = |x: f32| x.sqrt().sqrt();
     (root(alpha) - root(MIN_ALPHA)) / (1.0 - root(MIN_ALPHA))
 }
 
 /// Its inverse.
-fn alpha_of(place: f32) -> f32 {
+pub(in crate::bsdf) fn alpha_of(place: f32) -> f32 {
     lerp(MIN_ALPHA.sqrt().sqrt(), 1.0, place).powi(4).clamp(MIN_ALPHA, 1.0)
 }
 
 #[inline]
-fn lerp(a: f32, b: f32, t: f32) -> f32 {
+pub(in crate::bsdf) fn lerp(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
 
 /// The cell of `x` in 0..1 out of `cells`, and the place in it.
 #[inline]
-fn place(x: f32, cells: usize) -> (usize, f32) {
+pub(in crate::bsdf) fn place(x: f32, cells: usize) -> (usize, f32) {
     let x = x * cells as f32;
     let i = (x as usize).min(cells - 1);
     (i, x - i as f32)

@@ -10,7 +10,7 @@
 //! directions does not depend on who asks or how often. Directions are drawn from a mixture of lobes with a density of
 //! their own, which is therefore exact: multiple importance sampling stays right, and so do weights on average.
 
-mod coat_table;
+pub(super) mod coat_table;
 mod coated_diffuse;
 mod walk;
 

@@ -12,6 +12,7 @@ fn filmed_glass(ior: Vec3, roughness: f32) -> Surface {
         roughness: Roughness::perceptual(ScalarParam::constant(roughness)),
         tint: ColorParam::constant(Vec3::new(1.0, 0.8, 0.9)),
         film: desc::ThinFilm { strength: ScalarParam::constant(0.7), ..desc::ThinFilm::NONE },
+        keeps_light: false,
     }))
 }
 

@@ -200,7 +200,7 @@ impl Camera {
 
     /// The ray through `film`, in pixels from the frame's top left corner, and through the point of the lens that
     /// `lens`, in the unit disk, stands for, at `time` in 0..=1 of the shutter's time.
-    #[inline]
+    #[inline(always)] // into the tile's function: left to the compiler it stays outside, for 2 to 4 % of a picture's time
     pub fn ray(&self, film: Vec2, lens: Vec2, time: f32) -> CameraRay {
         let to_world = self.motion.as_ref().map_or(self.to_world, |motion| motion.at(time));
         let offset = (film - self.center) * Vec2::new(1.0, -1.0);
@@ -216,7 +216,7 @@ impl Camera {
     }
 
     /// The ray of a camera without lenses but a thin one, in the camera's space.
-    #[inline]
+    #[inline(always)]
     fn plain_ray(&self, film: Vec2, offset: Vec2, lens: Vec2) -> CameraRay {
         let start = (lens * self.lens_radius).extend(0.0);
         // A cone's radius is half a pixel across the ray, narrowed for all that samples of the pixel see of it.
@@ -269,6 +269,7 @@ impl Camera {
 }
 
 impl CameraRay {
+    #[inline(always)]
     fn new(origin: Vec3, direction: Vec3, axis_cosine: f32, cone: Cone) -> Self {
         Self { origin, direction, axis_cosine, cone, weight: 1.0 }
     }

@@ -56,6 +56,12 @@ impl Dielectric {
         self.ior
     }
 
+    /// Multiplies what is transmitted.
+    #[inline]
+    pub(super) fn tint(&self) -> Vec3 {
+        self.tint
+    }
+
     /// The widths of its facets along x and y; 0 where smooth.
     #[inline]
     pub(super) fn alpha(&self) -> Vec2 {
@@ -69,7 +75,7 @@ impl Dielectric {
 
     /// Index on the far side of the surface over the one on `wo`'s side.
     #[inline]
-    fn relative_eta(&self, wo: Vec3) -> f32 {
+    pub(super) fn relative_eta(&self, wo: Vec3) -> f32 {
         if wo.z > 0.0 { self.ior } else { 1.0 / self.ior }
     }
 

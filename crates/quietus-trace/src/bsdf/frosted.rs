@@ -1,7 +1,7 @@
 //! Rough glass that keeps its light.
 //!
-//! A rough dielectric (Walter et al. 2007) follows light to one facet and forgets what a second one would have met: up to half
-//! of it where glass is rough and dense. Here that comes back on both sides, as one lobe to each after Kulla and Conty 2017
+//! A rough dielectric (Walter et al. 2007) follows light to one facet and forgets what a second one would have met: more than a
+//! third of it where glass is rough and dense. Here that comes back on both sides, as one lobe to each after Kulla and Conty 2017
 //! ("Revisiting Physically Based Shading at Imageworks"): `lost(wo) lost(wi) / mean(lost)`, which is reciprocal, times shares
 //! for reflection and refraction that keep the whole so.
 
@@ -48,7 +48,6 @@ struct Row {
 #[derive(Clone, Copy, Debug)]
 pub struct FrostedGlass<'a> {
     surface: Dielectric,
-    tint: Vec3,
     rows: (&'a [Row; 2], &'a [Row; 2], f32),
     /// Mean losses on both sides.
     mean: [f32; 2],
@@ -72,9 +71,9 @@ impl FrostedTable {
         Self { reflectance, rows }
     }
 
-    /// Glass with the facets of `surface`, which is rough and has this table's index; `tint` multiplies what is transmitted.
+    /// Glass with the facets of `surface`, which is rough and has this table's index.
     #[inline]
-    pub fn glass(&self, surface: Dielectric, tint: Vec3) -> FrostedGlass<'_> {
+    pub fn glass(&self, surface: Dielectric) -> FrostedGlass<'_> {
         let rows = match &self.rows[..] {
             [only] => (only, only, 0.0),
             rows => {
@@ -93,7 +92,7 @@ impl FrostedTable {
         } else {
             [0.0; 2]
         };
-        FrostedGlass { surface, tint, rows, mean, through }
+        FrostedGlass { surface, rows, mean, through }
     }
 }
 
@@ -158,14 +157,8 @@ impl FrostedGlass<'_> {
             let share = 1.0 - self.through[from];
             return (Vec3::splat(share * energy), share * cosine);
         }
-        let (share, eta) = (self.through[from], self.eta(wo));
-        (self.tint * (share * energy / (eta * eta)), share * cosine)
-    }
-
-    /// Index on the far side of the surface over the one on `wo`'s side.
-    #[inline]
-    fn eta(&self, wo: Vec3) -> f32 {
-        if wo.z > 0.0 { self.surface.ior() } else { 1.0 / self.surface.ior() }
+        let (share, eta) = (self.through[from], self.surface.relative_eta(wo));
+        (self.surface.tint() * (share * energy / (eta * eta)), share * cosine)
     }
 
     #[inline]
@@ -194,7 +187,7 @@ impl FrostedGlass<'_> {
         };
         let (value, pdf) = self.eval_pdf(wo, wi);
         let transmission = side(wi) != side(wo);
-        let eta = if transmission { self.eta(wo) } else { 1.0 };
+        let eta = if transmission { self.surface.relative_eta(wo) } else { 1.0 };
         (pdf > 0.0).then(|| BsdfSample { wi, weight: value / pdf, pdf, delta: false, transmission, eta })
     }
 
@@ -229,7 +222,7 @@ mod tests {
                     let (cos, side) = (rng.next_1d().powi(2), 1f32.copysign(rng.next_1d() - 0.5));
                     let w = Vec3::new(0.0, (1.0 - cos * cos).sqrt(), side * cos);
                     let expected = (1.0 - kept(&surface, cos, side, [55, 500]) - MAX_ERROR).max(0.0);
-                    for found in [&own, &all].map(|table| table.glass(surface, Vec3::ONE).lost(w)) {
+                    for found in [&own, &all].map(|table| table.glass(surface).lost(w)) {
                         assert!(
                             (found - expected).abs() < MAX_ERROR,
                             "{found} of {expected}, index {ior}, alpha {alpha}, cosine {cos}, side {side}"

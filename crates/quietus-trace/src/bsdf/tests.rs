@@ -77,7 +77,7 @@ fn frosted_glass(ior: f32, roughness: f32, tint: Vec3) -> Bsdf<'static> {
     let mut tables = TABLES.lock().expect("no test panics here");
     let make = || &*Box::leak(Box::new(FrostedTable::new(ior, Some(roughness * roughness))));
     let table: &FrostedTable = tables.entry(key).or_insert_with(make);
-    Bsdf::FrostedGlass(table.glass(surface, tint))
+    Bsdf::FrostedGlass(table.glass(surface))
 }
 
 fn leaf() -> Bsdf<'static> {

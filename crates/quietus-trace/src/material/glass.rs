@@ -23,7 +23,7 @@ impl MaterialTable {
         let tint = glass.tint.at(point, &self.textures).clamp(Vec3::ZERO, Vec3::ONE);
         let plain = Dielectric::new(glass.ior[channel], self.facets(&glass.roughness, point), tint);
         match &self.compiled(id).frosted {
-            Some(tables) if !plain.is_delta() => Bsdf::FrostedGlass(tables[channel].glass(plain, tint)),
+            Some(tables) if !plain.is_delta() => Bsdf::FrostedGlass(tables[channel].glass(plain)),
             _ => Bsdf::Dielectric(plain.with_film(self.film(&glass.film, point))),
         }
     }

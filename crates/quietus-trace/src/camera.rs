@@ -200,7 +200,7 @@ impl Camera {
 
     /// The ray through `film`, in pixels from the frame's top left corner, and through the point of the lens that
     /// `lens`, in the unit disk, stands for, at `time` in 0..=1 of the shutter's time.
-    #[inline(always)] // into the tile's function: left to the compiler it stays outside, for 2 to 4 % of a picture's time
+    #[inline(always)] // into the tile's function: left to the compiler it stays outside, for up to 4 % of a picture's time
     pub fn ray(&self, film: Vec2, lens: Vec2, time: f32) -> CameraRay {
         let to_world = self.motion.as_ref().map_or(self.to_world, |motion| motion.at(time));
         let offset = (film - self.center) * Vec2::new(1.0, -1.0);

@@ -229,9 +229,10 @@ fn study_spec(args: &EvalArgs) -> StudySpec {
 
 /// `--noise` and `--time`: what renders that are asked for them come to.
 fn show_goals(args: &EvalArgs) -> Result<Ending, Failure> {
-    use report::goals::{FORESEEN_HEAD, NOISE_HEAD, TIME_HEAD, foreseen_row, noise_row, time_row};
-    let (mut all, mut rows) =
-        (Vec::new(), [NOISE_HEAD, FORESEEN_HEAD, TIME_HEAD].map(|head| vec![head.to_owned()]));
+    use report::goals::{FORESEEN_HEAD, FORETOLD_HEAD, NOISE_HEAD, TIME_HEAD};
+    use report::goals::{foreseen_row, foretold_row, noise_row, time_row};
+    let heads = [NOISE_HEAD, FORESEEN_HEAD, TIME_HEAD, FORETOLD_HEAD];
+    let (mut all, mut rows) = (Vec::new(), heads.map(|head| vec![head.to_owned()]));
     for source in &args.scenes {
         let subject = subject(source)?.as_shown();
         let spec = study_spec(args);
@@ -265,6 +266,7 @@ fn show_goals(args: &EvalArgs) -> Result<Ending, Failure> {
                 Asked::Noise(noise) => {
                     rows[0].push(noise_row(&subject.name, noise, &runs));
                     rows[1].push(foreseen_row(&subject.name, noise, &runs));
+                    rows[3].extend(foretold_row(&subject.name, noise, &runs));
                 }
                 Asked::Time(_) => rows[2].push(time_row(&subject.name, asked, &runs)),
             }

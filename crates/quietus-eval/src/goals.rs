@@ -58,6 +58,8 @@ pub struct GoalRun {
     pub rounds: u32,
     /// Whether the minimum or the maximum of samples kept it from what was asked for.
     pub bound: bool,
+    /// The noise it said it would reach instead, when it first said so, and the share of its samples that it had by then.
+    pub foretold: Option<[f64; 2]>,
     /// Seconds it took.
     pub seconds: f64,
     /// The time it was expected to take in all, over the time it took: as it said at [`MOMENTS`]. `None` where it said
@@ -117,12 +119,14 @@ fn goal_run(
     let look = &reference.spec.look;
     let view = subject.view(look, seed)?;
     let tracer = PathTracer { scene: &subject.scene, view: &view };
-    let (mut readings, mut foreseen_samples) = (Vec::new(), Vec::new());
+    let (mut readings, mut foreseen_samples, mut foretold) = (Vec::new(), Vec::new(), None);
     let mut watch = |watched: &Watched<'_>| {
         let progress = &watched.progress;
         let samples = (progress.samples as f64, progress.foreseen_samples, progress.foreseen_range);
         readings.push((progress.elapsed.as_secs_f64(), progress.remaining.map(|left| left.as_secs_f64())));
         foreseen_samples.push(samples);
+        let expected = progress.noise.and_then(|noise| noise.expected);
+        foretold = foretold.or(expected.map(|noise| [noise, samples.0]));
     };
     let mut control = Control { cancel: &AtomicBool::new(false), watch: &mut watch, live: None };
     let rendered = render(&tracer, &settings(look, plan), &mut control)
@@ -151,6 +155,7 @@ fn goal_run(
         measuring: statistics.noise_samples as f64 / statistics.samples.max(1) as f64,
         rounds: statistics.rounds,
         bound: matches!(rendered.bound, Some(Bound::MinSamples | Bound::MaxSamples)),
+        foretold: foretold.map(|[noise, drawn]| [noise, drawn / samples.max(1.0)]),
         seconds,
         expected,
         expected_samples,

@@ -14,6 +14,12 @@ pub const FORESEEN_HEAD: &str = "\
 time foreseen / taken after 10 % | after 25 % | after 50 % | after 75 % |
 |---|---|---|---|---|---|---|---|---|---|---|---|";
 
+/// The head of a table of [`foretold_row`]s.
+pub const FORETOLD_HEAD: &str = "\
+| scene | asked | runs that foretold another noise | foretold / true (5-95 %) | foretold / reported (5-95 %) | foretold | true noise | \
+after this share of samples |
+|---|---|---|---|---|---|---|---|";
+
 /// The head of a table of [`time_row`]s.
 pub const TIME_HEAD: &str = "\
 | scene | asked | runs | time / asked, least - most | true noise | spp | rounds |
@@ -34,7 +40,7 @@ pub fn noise_row(scene: &str, asked: f64, runs: &[GoalRun]) -> String {
         spread(runs.iter().map(|run| run.truth() / asked)),
         reported.len(),
         100.0 * covered as f64 / reported.len().max(1) as f64,
-        100.0 * mean(widths),
+        100.0 * median(widths),
         mean(runs.iter().map(|run| run.spp)),
         mean(runs.iter().map(|run| f64::from(run.rounds))),
         100.0 * mean(runs.iter().map(|run| run.measuring)),
@@ -60,6 +66,26 @@ pub fn foreseen_row(scene: &str, asked: f64, runs: &[GoalRun]) -> String {
     format!("| {scene} | {} % | {} | {seconds:.1} | {} |", 100.0 * asked, runs.len(), columns.join(" | "))
 }
 
+/// What runs said would be reached instead of the noise asked for, over what was; nothing where none said so.
+pub fn foretold_row(scene: &str, asked: f64, runs: &[GoalRun]) -> Option<String> {
+    let said: Vec<(&GoalRun, [f64; 2])> =
+        runs.iter().filter_map(|run| run.foretold.map(|said| (run, said))).collect();
+    let reported = said.iter().filter_map(|(run, [noise, _])| Some(noise / run.reported?[0]));
+    (!said.is_empty()).then(|| {
+        format!(
+            "| {scene} | {} % | {} of {} | {} | {} | {:.2} % | {:.2} % | {} |",
+            100.0 * asked,
+            said.len(),
+            runs.len(),
+            spread(said.iter().map(|(run, [noise, _])| noise / run.truth())),
+            spread(reported),
+            100.0 * mean(said.iter().map(|(_, [noise, _])| *noise)),
+            100.0 * rms(said.iter().map(|(run, _)| run.true_square)),
+            spread(said.iter().map(|(_, [_, share])| *share)),
+        )
+    })
+}
+
 /// Runs that were asked for one time.
 pub fn time_row(scene: &str, asked: Asked, runs: &[GoalRun]) -> String {
     let Asked::Time(time) = asked else { return String::new() };
@@ -79,6 +105,13 @@ pub fn time_row(scene: &str, asked: Asked, runs: &[GoalRun]) -> String {
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
     sum / f64::max(count, 1.0)
+}
+
+/// The upper median; 0 where there are none.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Root of the mean of squares.

@@ -157,8 +157,9 @@ fn check(settings: &RenderSettings) -> Result<(), RenderError> {
 /// quotas.
 const LONGEST_ROUND: f64 = 0.75;
 
-/// Share of a limited time in which the noise of the picture is measured for the report.
-const REPORT_TIME: f64 = 0.015;
+/// Share of a limited time in which the noise of the picture is measured for the report; and at most, where a busy machine
+/// lets workers wait so long that nothing would be left of it once they have stopped.
+const REPORT_TIME: (f64, f64) = (0.015, 0.06);
 
 struct Rounds<'a, T> {
     tracer: &'a T,
@@ -255,8 +256,10 @@ impl<'a, T: Tracer> Rounds<'a, T> {
             sampling = observed(AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?);
         };
         // Before pixels have their minimum there is hardly time, and nothing that says where to measure.
-        if stopped_by == StoppedBy::TimeLimit && self.steering.has_rounds() && !self.is_too_early(&sampling) {
-            self.measure_in_time(&sampling, control)?;
+        let is_worth_it = || !self.is_too_early(&sampling) || self.has_minimum(&sampling);
+        let is_unknown = self.steering.has_rounds() && self.steering.reported().is_none();
+        if stopped_by != StoppedBy::Cancelled && is_unknown && is_worth_it() {
+            self.measure_in_time(stopped_by == StoppedBy::TimeLimit, &sampling, control)?;
         }
         let (noise, bound) = (self.steering.reported(), self.steering.bound());
         Ok(self.rendered(sampling, stopped_by, noise, bound, control))
@@ -398,9 +401,15 @@ impl<'a, T: Tracer> Rounds<'a, T> {
     }
 
     fn clock<'c>(&self, control: &Control<'c>) -> Clock<'c> {
-        let share = if self.steering.has_rounds() { 1.0 - REPORT_TIME } else { 1.0 };
-        let limit = self.settings.time_limit.map(|limit| limit.mul_f64(share));
+        let limit = self.settings.time_limit.map(|limit| limit - self.report_time(limit));
         Clock { start: self.start, limit, live: control.live }
+    }
+
+    /// What is kept of a time for the report.
+    fn report_time(&self, limit: Duration) -> Duration {
+        let (usual, most) = REPORT_TIME;
+        let wait = Counters::longest_visit(&self.counters).min(limit.mul_f64(most - usual));
+        if self.steering.has_rounds() { limit.mul_f64(usual) + wait } else { Duration::ZERO }
     }
 
     /// Takes in a noise that was asked for since; whether there was one.
@@ -415,6 +424,14 @@ impl<'a, T: Tracer> Rounds<'a, T> {
     fn is_too_early(&self, sampling: &AdaptiveSampling) -> bool {
         self.settings.sampling == Sampling::Quietus
             && (0..sampling.grid().tiles()).any(|tile| sampling.quotas(tile).is_none())
+    }
+
+    /// Whether all pixels have their minimum of samples.
+    fn has_minimum(&self, sampling: &AdaptiveSampling) -> bool {
+        let (grid, minimum) = (sampling.grid(), self.settings.min_samples.min(self.settings.max_samples));
+        let has = |tile: u32, pixel: u8| sampling.counts().pixel(tile, pixel) >= minimum;
+        let mut tiles = 0..grid.tiles();
+        tiles.all(|tile| quietus::active_mask::pixels(grid.full_mask(tile)).all(|pixel| has(tile, pixel)))
     }
 
     /// Draws until the sampling is done, or has to stop, and says why. Also stops where another noise was asked for,

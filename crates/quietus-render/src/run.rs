@@ -147,7 +147,12 @@ pub(crate) struct Counters {
     samples: AtomicU64,
     rays: AtomicU64,
     nanoseconds: AtomicU64,
+    /// Of the longest visit lately.
+    longest: AtomicU64,
 }
+
+/// Share of what the longest visit took that is forgotten at every other one: an inverse power of two.
+const FORGOTTEN: u64 = 64;
 
 impl Counters {
     /// Relaxed: statistics order nothing; the final reading comes after the threads were joined.
@@ -155,6 +160,18 @@ impl Counters {
         self.samples.fetch_add(samples, Ordering::Relaxed);
         self.rays.fetch_add(counts.rays, Ordering::Relaxed);
         self.nanoseconds.fetch_add(took.as_nanos() as u64, Ordering::Relaxed);
+    }
+
+    /// Adds a visit that took so long. Only the worker itself may.
+    fn add_visit(&self, samples: u64, counts: TileCounts, took: Duration) {
+        self.add(samples, counts, took);
+        let before = self.longest.load(Ordering::Relaxed);
+        self.longest.store((before - before / FORGOTTEN).max(took.as_nanos() as u64), Ordering::Relaxed);
+    }
+
+    /// The longest visit lately: what it may take until all workers have stopped.
+    pub(crate) fn longest_visit(all: &[Self]) -> Duration {
+        Duration::from_nanos(all.iter().map(|c| c.longest.load(Ordering::Relaxed)).max().unwrap_or(0))
     }
 
     /// Samples and rays of all workers.
@@ -249,7 +266,7 @@ impl<T: Tracer> Round<'_, T> {
                 weights.weigh([x0 + rect.x0, y0 + rect.y0], &mut errors);
             }
             let took = began.elapsed();
-            counters.add(summary.drawn, counts, took);
+            counters.add_visit(summary.drawn, counts, took);
             self.costs.add(visit.tile(), summary.drawn, took);
             if let Some(live) = self.live {
                 live.touch(visit.tile() as usize);

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::aov_demand::AovDemand;
 use crate::forecast::{Ahead, Forecast, Past, even, towards_a_noise};
-use crate::noise::{Copied, Effort, Measured, Noise, OfAovs};
+use crate::noise::{Copied, Effort, Foretold, Measured, Noise, OfAovs};
 use crate::pixel_errors::REPLICATES;
 use crate::progress::NoiseProgress;
 use crate::run::Bound;
@@ -98,6 +98,8 @@ pub(crate) struct Steering {
     learnt: Learnt,
     /// What independent samples would have multiplied the squared error of alpha, albedo and normal by in the last round.
     edges_fell: Option<f64>,
+    /// The noise with the most samples that there may be, by the last measurement; `None` where nothing was said of that.
+    at_most: Option<Foretold>,
 }
 
 /// What the rounds so far have taught: all that the next decision needs besides the settings.
@@ -140,7 +142,7 @@ impl Steering {
             bound: None,
             expected: None,
         };
-        Self { settings: settings.clone(), learnt, edges_fell: None }
+        Self { settings: settings.clone(), learnt, edges_fell: None, at_most: None }
     }
 
     /// What was learnt so far.
@@ -281,6 +283,8 @@ impl Steering {
     pub(crate) fn take(&mut self, measured: &Measured, forecast: &Forecast) {
         let noise = measured.noise;
         (self.learnt.measured, self.learnt.aovs) = (Some((noise, false)), measured.aovs);
+        let limit = Some(self.settings.max_samples).filter(|&limit| limit < u32::MAX);
+        self.at_most = limit.and_then(|limit| measured.falling.at(limit, noise));
         self.learn_edges(forecast);
         self.learnt.calibration.take(noise, forecast.square);
     }
@@ -358,10 +362,9 @@ impl Steering {
         let (goal, edges) = (asked.powi(2) / square, self.edges_goal());
         let best = forecast.limit();
         let reach = forecast.least(|ahead| ahead.square <= goal && ahead.edges <= edges);
+        self.foretell(asked, reach.is_none());
         // Where it is out of reach: almost as far as one gets, as the rest would go to pixels that hardly matter.
         let reach = reach.or_else(|| {
-            self.learnt.bound = Some(Bound::MaxSamples);
-            self.learnt.expected = Some((square * best.square).sqrt());
             let limit = |ahead: &Ahead| {
                 ahead.square <= goal.max(1.005 * best.square) && ahead.edges <= edges.max(1.005 * best.edges)
             };
@@ -376,6 +379,15 @@ impl Steering {
         let step = LARGEST_STEP.min(0.5 * reach.samples);
         let step = forecast.least(|ahead| ahead.samples >= step).unwrap_or(reach);
         Ok((step, false, reach))
+    }
+
+    /// Says what noise the maximum of samples allows, where that is out of reach, or will be by all that was measured: by more
+    /// than that is uncertain.
+    fn foretell(&mut self, asked: f64, is_out_of_reach: bool) {
+        self.learnt.bound = is_out_of_reach.then_some(Bound::MaxSamples);
+        let least = |at_most: &Foretold| asked * if is_out_of_reach { 1.0 } else { at_most.deviation.exp() };
+        self.learnt.expected =
+            self.at_most.filter(|at_most| at_most.noise > least(at_most)).map(|at_most| at_most.noise);
     }
 
     fn finish(&mut self, measured: Noise) -> Verdict {

@@ -8,7 +8,9 @@ use std::time::Instant;
 use quietus_film::{Film, Window};
 use quietus_trace::tile::{PixelWork, Sample, SampleSink};
 
-use super::{Aov, AovValues, Effort, Finished, FreshMean, Noise, OfAovs, Pick, estimate, pick};
+use super::{
+    Aov, AovValues, Effort, Falling, Finished, FreshMean, LEAST_PICKS, Noise, OfAovs, Pick, estimate, pick,
+};
 use crate::aov_demand::AovDemand;
 use crate::crew;
 use crate::live::Live;
@@ -35,14 +37,15 @@ pub fn measure_noise<T: Tracer>(
         Measuring { tracer, window, live: None, counters: &counters, number: 0, effort: Effort::REPORT };
     // Relaxed: the flag guards no data.
     let is_cancelled = || cancel.load(Ordering::Relaxed);
-    let measured = measuring.run(&picture, is_cancelled, || crew::WATCH_INTERVAL).ok().flatten();
+    let measured = measuring.run(&picture, is_cancelled, |_| false, || crew::WATCH_INTERVAL).ok().flatten();
     measured.map(|measured| measured.noise)
 }
 
 /// The noise of a picture, and of what goes with it where that was wanted.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Measured {
     pub(crate) noise: Noise,
+    pub(crate) falling: Falling,
     pub(crate) aovs: OfAovs<Noise>,
 }
 
@@ -59,12 +62,13 @@ pub(crate) struct Measuring<'a, T> {
 }
 
 impl<T: Tracer> Measuring<'_, T> {
-    /// Measures the noise of a picture. `None` where it is cancelled, or nothing was drawn. `watch` is called meanwhile,
-    /// again and again, at intervals that it returns.
+    /// Measures the noise of a picture, with fewer picks where so many that were begun are enough. `None` where it is cancelled,
+    /// nothing was drawn, or too little. `watch` is called meanwhile, again and again, at intervals that it returns.
     pub(crate) fn run(
         &self,
         picture: &Copied,
         is_cancelled: impl Fn() -> bool + Sync,
+        is_enough: impl Fn(usize) -> bool + Sync,
         watch: impl FnMut() -> crew::Interval,
     ) -> Result<Option<Measured>, RenderError> {
         if picture.counts.iter().all(|&count| count == 0) {
@@ -72,7 +76,8 @@ impl<T: Tracer> Measuring<'_, T> {
         }
         let salt = u64::from(self.number) << 32;
         let picks = pick(&picture.finished(), self.effort, |index| uniform(salt + index));
-        let (next, fresh) = (AtomicUsize::new(0), Mutex::new(vec![[Fresh::default(); 2]; picks.len()]));
+        let (next, fresh) = (AtomicUsize::new(0), Mutex::new(vec![None; picks.len()]));
+        let stride = golden_stride(picks.len());
         let is_given_up = AtomicBool::new(false);
         let work = |number: usize| {
             let mut drawn = Vec::new();
@@ -81,17 +86,23 @@ impl<T: Tracer> Measuring<'_, T> {
                 if let Some(live) = self.live {
                     live.pass_gate(&is_cancelled);
                 }
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                let Some(pick) = picks.get(index) else { break };
-                drawn.push((index, self.draw_again(pick, &self.counters[number])));
+                let begun = next.fetch_add(1, Ordering::Relaxed);
+                if begun >= picks.len() || is_enough(begun) {
+                    break;
+                }
+                // However many are drawn in the end: they are spread over the picture.
+                let index = begun * stride % picks.len();
+                drawn.push((index, self.draw_again(&picks[index], &self.counters[number])));
             }
             let mut fresh = lock(&fresh);
-            drawn.into_iter().for_each(|(index, values)| fresh[index] = values);
+            drawn.into_iter().for_each(|(index, values)| fresh[index] = Some(values));
         };
         crew::run(self.counters.len(), work, || is_given_up.store(true, Ordering::Relaxed), watch)?;
-        let is_complete = next.load(Ordering::Relaxed) >= picks.len() && !is_cancelled();
         let fresh = lock(&fresh);
-        Ok(is_complete.then(|| picture.measured(&picks, &fresh)))
+        let drawn = picks.iter().zip(fresh.iter()).filter_map(|(pick, fresh)| Some((*pick, (*fresh)?)));
+        let (picks, fresh): (Vec<_>, Vec<_>) = drawn.unzip();
+        let is_known = !is_cancelled() && picks.len() >= LEAST_PICKS;
+        Ok(is_known.then(|| picture.measured(&picks, &fresh)))
     }
 
     /// Means of two replicates that the film has no samples of.
@@ -111,6 +122,19 @@ impl<T: Tracer> Measuring<'_, T> {
             mean.fresh()
         })
     }
+}
+
+/// A stride by which one comes to all of `count` places, and spreads over them evenly from the first few on: about the golden
+/// ratio of it.
+fn golden_stride(count: usize) -> usize {
+    let gcd = |mut a: usize, mut b: usize| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let about = (0.618_034 * count as f64) as usize;
+    (about.max(1)..count).find(|&stride| gcd(stride, count) == 1).unwrap_or(1)
 }
 
 /// Picks of one pixel in a measurement that are sure not to share samples with the next measurement.
@@ -158,7 +182,11 @@ impl Copied {
             let fresh: Vec<_> = fresh.iter().map(|fresh| fresh.map(|fresh| fresh.aovs)).collect();
             Aov::ALL.map(|aov| Some(aov.noise(means, picks, &fresh)))
         });
-        Measured { noise: estimate(&self.means, picks, &colors), aovs: aovs.unwrap_or_default() }
+        Measured {
+            noise: estimate(&self.means, picks, &colors),
+            falling: Falling::of(&self.means, &self.counts, picks, &colors),
+            aovs: aovs.unwrap_or_default(),
+        }
     }
 
     pub(crate) fn of(film: &Film, weights: Option<&Weights>, demand: Option<AovDemand>) -> Self {
@@ -246,5 +274,79 @@ impl SampleSink for Mean {
                 *sum += f64::from(value);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use quietus_trace::tile::TileCounts;
+
+    /// Grey, brighter to the right, with as much noise everywhere.
+    struct Slope;
+
+    impl Tracer for Slope {
+        fn render_tile(&self, work: &[PixelWork], sink: &mut impl SampleSink) -> TileCounts {
+            for run in work {
+                for index in run.first..run.first + run.count {
+                    let seed =
+                        u64::from(run.x) << 40 | u64::from(run.y) << 24 | u64::from(run.replicate) << 16;
+                    let value =
+                        0.25 + 0.01 * run.x as f32 + 0.1 * (uniform(seed + u64::from(index)) as f32 - 0.5);
+                    sink.add(run, index, &Sample { radiance: [value; 3].into(), ..Sample::default() });
+                }
+            }
+            TileCounts::default()
+        }
+    }
+
+    #[test]
+    fn strides_lead_everywhere() {
+        for count in 1..200 {
+            let mut places: Vec<_> = (0..count).map(|begun| begun * golden_stride(count) % count).collect();
+            // Of the first few none is far from all others.
+            if count >= 100 {
+                let mut first = places[..16].to_vec();
+                first.sort_unstable();
+                assert!(first.windows(2).all(|pair| pair[1] - pair[0] < count / 5), "{count}: {first:?}");
+            }
+            places.sort_unstable();
+            assert!(places.into_iter().eq(0..count), "{count}");
+        }
+    }
+
+    /// Time that is up leaves picks that stand for the picture, not for its top.
+    #[test]
+    fn a_measurement_that_ends_early_is_of_the_whole_picture() {
+        let (window, pixels) = (Window { x0: 0, y0: 0, x1: 32, y1: 32 }, 32 * 32);
+        // The lower half is off by 0.1, the upper half right.
+        let truth = |pixel: usize| 0.25 + 0.01 * (pixel % 32) as f32;
+        let shown = |pixel: usize| {
+            let off = if pixel < pixels / 2 { 0.0 } else { 0.1 };
+            ((displayed(truth(pixel)) + off) as f32).powi(2)
+        };
+        let picture = Copied {
+            width: 32,
+            halves: (0..pixels).map(|pixel| [[shown(pixel); 3]; 2]).collect(),
+            means: (0..pixels).map(|pixel| [shown(pixel); 3]).collect(),
+            counts: vec![64; pixels],
+            weights: None,
+            aovs: None,
+            aov_squares: None,
+        };
+        let counters = [Counters::default(), Counters::default()];
+        let effort = Effort { share: 1.0, picks: 0, most_share: 0.0 };
+        let measuring =
+            Measuring { tracer: &Slope, window, live: None, counters: &counters, number: 0, effort };
+        let run = |enough: usize| {
+            let is_enough = |begun| begun >= enough;
+            measuring.run(&picture, || false, is_enough, || crew::WATCH_INTERVAL).unwrap()
+        };
+        let expected = 0.1 * 0.5_f64.sqrt();
+        for enough in [100, usize::MAX] {
+            let noise = run(enough).unwrap().noise;
+            assert!((noise.reached / expected - 1.0).abs() < 0.05, "{enough}: {noise:?}");
+        }
+        assert!(run(LEAST_PICKS - 1).is_none());
     }
 }

@@ -10,10 +10,12 @@
 //! (Hansen and Hurwitz 1943, *On the Theory of Sampling from Finite Populations*).
 
 mod aovs;
+mod falling;
 mod measure;
 
 pub(crate) use aovs::edges;
 pub use aovs::{Aov, AovValues, OfAovs};
+pub(crate) use falling::{Falling, Foretold};
 pub use measure::measure_noise;
 pub(crate) use measure::{Copied, MAX_MAGNITUDE, Measured, Measuring, uniform};
 use quietus::policy::CREDIBLE_SAMPLES;
@@ -68,7 +70,7 @@ impl Effort {
 const MOST_TIMES: f64 = 16.0;
 
 /// Picks below which the interval means nothing, whatever they cost.
-const LEAST_PICKS: usize = 64;
+pub(crate) const LEAST_PICKS: usize = 64;
 
 /// 97.5 % quantile of the normal distribution.
 const NORMAL_QUANTILE: f64 = 1.959_963_985;
@@ -291,8 +293,9 @@ pub fn estimate(means: &[[f32; 3]], picks: &[Pick], fresh: &[[FreshMean; 2]]) ->
 
 /// The root of a mean of squares from estimates of them.
 ///
-/// The interval is normal for the logarithm, which is skewed less than the mean square itself. Its upper end is raised by what
-/// larger values than any that were met may hold.
+/// The interval is normal for the logarithm, which is skewed less than the mean square itself. Where the mean is hardly known its
+/// upper end goes on in a straight line from there, since a mean that came out near 0 by chance has a logarithm that means
+/// nothing. It is raised by what larger values than any that were met may hold.
 fn estimate_squares(values: &[f64]) -> Noise {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -303,10 +306,9 @@ fn estimate_squares(values: &[f64]) -> Noise {
         let high = (mean + NORMAL_QUANTILE * deviation + unseen).max(0.0).sqrt();
         return Noise { reached: 0.0, low: 0.0, high };
     }
-    let factor = (0.5 * NORMAL_QUANTILE * deviation / mean).exp();
-    let reached = mean.sqrt();
-    let high = (mean * factor * factor + unseen).sqrt();
-    Noise { reached, low: reached / factor, high }
+    let (reached, way) = (mean.sqrt(), NORMAL_QUANTILE * deviation / mean);
+    let factor = if way <= 1.0 { way.exp() } else { way * std::f64::consts::E };
+    Noise { reached, low: reached / (0.5 * way).exp(), high: (mean * factor + unseen).sqrt() }
 }
 
 /// Share of the values whose size tells how much larger there may be.
@@ -387,6 +389,20 @@ mod tests {
         let noise = estimate_squares(&values);
         assert!(noise.high / noise.reached > noise.reached / noise.low, "{noise:?}");
         assert_eq!(unseen(&[0.0; 100]), 0.0);
+    }
+
+    #[test]
+    fn a_mean_that_is_hardly_known_has_an_end() {
+        // Of what is as often below 0 as above: ends go on from where they were, as the mean comes near 0.
+        let high = |offset: f64| {
+            let values: Vec<f64> = (0..100).map(|i| offset + f64::from(i % 2) - 0.5).collect();
+            estimate_squares(&values).high
+        };
+        let highs: Vec<f64> = (0..200).map(|step| high(0.2 * 0.9_f64.powi(step))).collect();
+        assert!(
+            highs.windows(2).all(|pair| pair[1] < pair[0] * (1.0 + 1e-9) && pair[1] > 0.9 * pair[0]),
+            "{highs:?}"
+        );
     }
 
     /// Of 200 pictures the intervals cover the truth in 180 to 199: of a binomial distribution of 95 % no more than

@@ -6,11 +6,23 @@ use quietus::AdaptiveSampling;
 
 use super::Rounds;
 use crate::clock::Clock;
-use crate::noise::{Copied, Effort, Measured, Measuring};
+use crate::noise::{Copied, Effort, LEAST_PICKS, Measured, Measuring};
 use crate::progress::Drawn;
 use crate::run::{Control, Counters, RenderError, StoppedBy, Watched};
 use crate::steering::{Aim, TimeLeft, Verdict};
 use crate::tracer::Tracer;
+
+/// Most of a limited time that passes until the noise was measured by as few picks as it takes.
+const LATEST: f64 = 1.012;
+
+/// How long the noise is measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Until {
+    /// Until it is known as well as it was to be; not at all where time does not allow that.
+    Known,
+    /// Until time is up.
+    Late,
+}
 
 /// What comes after a round.
 pub(super) enum Decision {
@@ -34,7 +46,7 @@ impl<T: Tracer> Rounds<'_, T> {
         let forecast = self.steering.look(&picture, sampling);
         if self.steering.asked().is_some() {
             let effort = if aim.is_last { Effort::REPORT } else { self.steering.effort(&forecast) };
-            match self.measure(&picture, effort, self.clock(control), sampling, control)? {
+            match self.measure(&picture, effort, (self.clock(control), Until::Known), sampling, control)? {
                 Ok(measured) => self.steering.take(&measured, &forecast),
                 Err(stopped_by) => return Ok(Decision::Stop(stopped_by)),
             }
@@ -52,7 +64,8 @@ impl<T: Tracer> Rounds<'_, T> {
             Verdict::Finished => Decision::Stop(StoppedBy::Done),
             Verdict::GoOn(aim) => Decision::GoOn(aim),
             Verdict::MeasureAgain => {
-                match self.measure(&picture, Effort::REPORT, self.clock(control), sampling, control)? {
+                let until = (self.clock(control), Until::Known);
+                match self.measure(&picture, Effort::REPORT, until, sampling, control)? {
                     Ok(measured) => {
                         self.steering.take_report(&measured);
                         Decision::Stop(StoppedBy::Done)
@@ -63,18 +76,21 @@ impl<T: Tracer> Rounds<'_, T> {
         })
     }
 
-    /// Measures the noise of a picture whose time is up, as well as what is left of all time allows. Time has ended it, and
-    /// no measurement.
+    /// Measures the noise of a picture that no measurement has ended, as well as what is left of all time allows: pixels are drawn
+    /// until that is over.
     pub(super) fn measure_in_time(
         &mut self,
+        is_time_up: bool,
         sampling: &AdaptiveSampling,
         control: &mut Control<'_>,
     ) -> Result<(), RenderError> {
         let clock = Clock { limit: self.settings.time_limit, ..self.clock(control) };
-        let share = 0.7 * clock.left().unwrap_or_default().div_duration_f64(clock.elapsed());
-        let affordable = Effort { share, picks: 0, most_share: 0.0 };
+        // More than fits: time cuts it off.
+        let fits = clock.left().filter(|_| is_time_up).unwrap_or_default().div_duration_f64(clock.elapsed());
+        let effort = Effort { share: Effort::REPORT.share.max(2.0 * fits), ..Effort::REPORT };
         let picture = self.copied();
-        if let Ok(measured) = self.measure(&picture, affordable, clock, sampling, control)? {
+        let until = (clock, Until::Late);
+        if let Ok(measured) = self.measure(&picture, effort, until, sampling, control)? {
             self.steering.take_report(&measured);
         }
         Ok(())
@@ -85,7 +101,7 @@ impl<T: Tracer> Rounds<'_, T> {
         &mut self,
         picture: &Copied,
         effort: Effort,
-        clock: Clock<'_>,
+        (clock, until): (Clock<'_>, Until),
         sampling: &AdaptiveSampling,
         control: &mut Control<'_>,
     ) -> Result<Result<Measured, StoppedBy>, RenderError> {
@@ -112,10 +128,14 @@ impl<T: Tracer> Rounds<'_, T> {
             (control.watch)(&Watched { progress, film, sampling });
             clock.interval()
         };
+        let is_over = until == Until::Late;
         // Relaxed: the flag guards no data.
-        let is_cancelled = || cancel.load(Ordering::Relaxed) || clock.is_late();
+        let is_cancelled = || cancel.load(Ordering::Relaxed) || !is_over && clock.is_late();
+        let latest = clock.limit.map(|limit| limit.mul_f64(LATEST));
+        let is_too_late = || latest.is_some_and(|latest| clock.elapsed() >= latest);
+        let is_enough = |picks: usize| is_over && clock.is_late() && (picks >= LEAST_PICKS || is_too_late());
         let span = tracing::debug_span!("measure noise", number).entered();
-        let outcome = measuring.run(picture, is_cancelled, watch)?;
+        let outcome = measuring.run(picture, is_cancelled, is_enough, watch)?;
         drop(span);
         self.past.totals.noise_samples += Counters::sum(&counters)[0];
         self.measured += Counters::seconds(&counters);

@@ -279,8 +279,10 @@ impl SampleSink for Mean {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use quietus_trace::tile::TileCounts;
+
+    use super::*;
+    use crate::noise::displayed;
 
     /// Grey, brighter to the right, with as much noise everywhere.
     struct Slope;

@@ -1,12 +1,13 @@
 //! What more samples will bring: counts and noise if all quotas were larger by a factor.
 
-use quietus::{AdaptiveSampling, PassCounts, Policy};
+use quietus::{AdaptiveSampling, PassCounts};
 use serde::{Deserialize, Serialize};
 
-use crate::noise::{Finished, edges, pooled_differences, pooled_noises};
+use crate::dealt::Steps;
+use crate::noise::{Finished, edges, pooled_differences};
 
 /// Pixels that a forecast looks at, about: spread evenly, they stand for all.
-const PIXELS: usize = 1 << 16;
+pub(crate) const PIXELS: usize = 1 << 16;
 
 /// Largest factor that is looked at: beyond, every pixel is at its maximum. Below its inverse, none gets any more.
 pub(crate) const LARGEST_FACTOR: f64 = 1e12;
@@ -83,9 +84,10 @@ pub(crate) struct Forecast {
     pub(crate) square: f64,
     /// Mean squared error of alpha, albedo and normal over those asked for, added up, if samples were independent.
     pub(crate) edges: f64,
-    /// The counts that a pixel comes by, with the policy `quietus`; none with uniform sampling.
-    steps: Vec<u32>,
-    counts: PassCounts,
+    /// How pixels come to larger quotas.
+    steps: Steps,
+    /// What comes beyond what quotas say now, as a share of what they add.
+    creep: f64,
     /// The squared error falls as samples to the power of minus this.
     fall: f64,
 }
@@ -107,9 +109,13 @@ impl Forecast {
                 pixels.push(Pixel { square: squares[place], edge, count, quota });
             }
         });
-        let is_dealt = sampling.settings().policy == Policy::Quietus;
-        let steps = if is_dealt { steps(&counts) } else { Vec::new() };
-        Self { pixels, square, edges: edges_now, steps, counts, fall: 1.0 }
+        let steps = Steps::of(sampling.settings().policy, counts);
+        Self { pixels, square, edges: edges_now, steps, creep: 0.0, fall: 1.0 }
+    }
+
+    /// The same by passes that draw other `counts`, and where samples come to more than quotas say.
+    pub(crate) fn by(&self, counts: PassCounts, creep: f64) -> Self {
+        Self { steps: self.steps.by(counts), creep, ..self.clone() }
     }
 
     /// The same where the squared error falls as samples to the power of minus `fall`.
@@ -127,10 +133,11 @@ impl Forecast {
         let (mut samples, mut square, mut samples_now, mut square_now) = (0.0, 0.0, 0.0, 0.0);
         let (mut edges, mut edges_now) = (0.0, 0.0);
         for pixel in &self.pixels {
-            let (now, then) = (f64::from(pixel.count), f64::from(self.count(pixel, factor)));
+            let (now, then) = (f64::from(pixel.count), self.count(pixel, factor));
             samples += then;
             samples_now += now;
-            square += pixel.square * (now.max(1.0) / then.max(1.0)).powf(self.fall);
+            let falls = then > now;
+            square += pixel.square * if falls { (now.max(1.0) / then).powf(self.fall) } else { 1.0 };
             square_now += pixel.square;
             edges += pixel.edge * now.max(1.0) / then.max(1.0);
             edges_now += pixel.edge;
@@ -151,26 +158,11 @@ impl Forecast {
     }
 
     /// What a pixel will have.
-    fn count(&self, pixel: &Pixel, factor: f64) -> u32 {
-        count_at(&self.steps, &self.counts, pixel.count, factor * pixel.quota)
+    fn count(&self, pixel: &Pixel, factor: f64) -> f64 {
+        let (now, then) = (pixel.count, self.steps.count(pixel.count, factor * pixel.quota));
+        let then = f64::from(now) + (1.0 + self.creep) * f64::from(then - now);
+        then.min(self.steps.most().max(now).into())
     }
-}
-
-/// What a pixel of `count` samples will have that is to have `quota`, and comes by the counts `steps`; any count where there
-/// are none.
-fn count_at(steps: &[u32], counts: &PassCounts, count: u32, quota: f64) -> u32 {
-    if f64::from(count) >= quota {
-        return count;
-    }
-    let Some(&last) = steps.last() else {
-        return even(quota).clamp(count, counts.max_samples.max(count));
-    };
-    // Trees that lag behind draw a pixel again that has its quota, and at least as often as they lag.
-    let lag = counts.lag as usize;
-    let now = steps.partition_point(|&step| step < count);
-    let enough = steps.partition_point(|&step| f64::from(step) < quota);
-    let then = (enough + lag - 1).max(now + lag);
-    steps.get(then).copied().unwrap_or(last).max(count)
 }
 
 /// As the last round towards a noise draws: in fine steps, trees one pass behind, so that counts end where they should.
@@ -182,12 +174,6 @@ pub(crate) fn towards_a_noise(counts: PassCounts) -> PassCounts {
 pub(crate) fn even(samples: f64) -> u32 {
     // Saturates.
     ((samples / 2.0).ceil() as u32).saturating_mul(2)
-}
-
-/// The counts that a pixel comes by.
-fn steps(counts: &PassCounts) -> Vec<u32> {
-    let next = |&count: &u32| (count < counts.max_samples).then(|| counts.next(count));
-    std::iter::successors(Some(0), next).collect()
 }
 
 /// The least factor of quotas, up to one of `step`, at which there `is_enough`, which must stay so for all larger ones;
@@ -209,125 +195,6 @@ pub(crate) fn least_factor(step: f64, is_enough: impl Fn(f64) -> bool) -> Option
         }
     }
     Some(above)
-}
-
-/// A pixel and what it is to have.
-#[derive(Clone, Copy, Debug)]
-struct DealtPixel {
-    tile: u32,
-    count: u32,
-    quota: f64,
-}
-
-/// Counts and quotas of a picture that is being drawn.
-pub(crate) struct Dealt {
-    /// Some, spread evenly.
-    pixels: Vec<DealtPixel>,
-    /// Pixels that each of them stands for.
-    stands_for: f64,
-    /// Those that were asked for.
-    asked: Vec<DealtPixel>,
-    steps: Vec<u32>,
-    counts: PassCounts,
-    /// What every pixel will have in any case.
-    least: u32,
-}
-
-impl Dealt {
-    /// Of a round of sampling, and of the pixels `asked` (row by row). `None` where samples are to be dealt and there are no
-    /// quotas yet.
-    pub(crate) fn of(sampling: &AdaptiveSampling, asked: impl Iterator<Item = usize>) -> Option<Self> {
-        let grid = sampling.grid();
-        let is_dealt = sampling.settings().policy != Policy::Uniform;
-        if is_dealt && (0..grid.tiles()).any(|tile| sampling.quotas(tile).is_none()) {
-            return None;
-        }
-        let quotas =
-            |tile: u32, pixel: u8| sampling.quotas(tile).map(|quotas| quotas[usize::from(pixel)].into());
-        Some(Self::with_quotas(sampling, quotas, asked))
-    }
-
-    /// The same before there are quotas, by what they will be made from: as the noise of a sample is pooled over the pixels
-    /// around. They are known but for a factor.
-    pub(crate) fn before_quotas(
-        sampling: &AdaptiveSampling,
-        picture: &Finished<'_>,
-        asked: impl Iterator<Item = usize>,
-    ) -> Self {
-        let (grid, noises) = (sampling.grid(), pooled_noises(picture));
-        let quotas = |tile: u32, pixel: u8| {
-            let rect = grid.tile_rect(tile);
-            let (x, y) = (rect.x0 + u32::from(pixel) % 8, rect.y0 + u32::from(pixel) / 8);
-            Some(noises[y as usize * grid.width() as usize + x as usize].sqrt())
-        };
-        Self::with_quotas(sampling, quotas, asked)
-    }
-
-    fn with_quotas(
-        sampling: &AdaptiveSampling,
-        quotas: impl Fn(u32, u8) -> Option<f64>,
-        asked: impl Iterator<Item = usize>,
-    ) -> Self {
-        let (grid, settings) = (sampling.grid(), sampling.settings());
-        let is_dealt = settings.policy != Policy::Uniform;
-        let counts = settings.pass_counts();
-        let least = counts.least();
-        let stride = (grid.rect().area() as usize).div_ceil(PIXELS).max(1);
-        let dealt = |tile: u32, pixel: u8| {
-            let count = sampling.counts().pixel(tile, pixel);
-            DealtPixel { tile, count, quota: quotas(tile, pixel).unwrap_or(f64::from(least)) }
-        };
-        let tile_pixels =
-            |tile| quietus::active_mask::pixels(grid.full_mask(tile)).map(move |pixel| (tile, pixel));
-        let all = (0..grid.tiles()).flat_map(tile_pixels);
-        let pixels = all.skip(stride - 1).step_by(stride).map(|(tile, pixel)| dealt(tile, pixel)).collect();
-        let asked = asked.map(|pixel| {
-            let (x, y) = (pixel as u32 % grid.width(), pixel as u32 / grid.width());
-            dealt(y / 8 * grid.width().div_ceil(8) + x / 8, (y % 8 * 8 + x % 8) as u8)
-        });
-        let asked = asked.collect();
-        let steps = if is_dealt { steps(&counts) } else { Vec::new() };
-        Self { pixels, stands_for: stride as f64, asked, steps, counts, least }
-    }
-
-    /// The same with the counts by which pixels come to a noise.
-    pub(crate) fn towards_a_noise(self) -> Self {
-        let counts = towards_a_noise(self.counts);
-        let steps = if self.steps.is_empty() { Vec::new() } else { steps(&counts) };
-        Self { steps, counts, ..self }
-    }
-
-    /// What a pixel will have if quotas are multiplied by `factor`.
-    fn then(&self, pixel: &DealtPixel, factor: f64) -> u32 {
-        count_at(&self.steps, &self.counts, pixel.count.max(self.least), factor * pixel.quota)
-    }
-
-    /// The same for the pixel that was asked for as number `asked`.
-    pub(crate) fn asked(&self, asked: usize, factor: f64) -> f64 {
-        self.then(&self.asked[asked], factor).into()
-    }
-
-    /// What pixels that were asked for have, in their order.
-    pub(crate) fn asked_now(&self) -> Vec<f64> {
-        self.asked.iter().map(|pixel| pixel.count.max(self.least).into()).collect()
-    }
-
-    /// Samples of all pixels if quotas are multiplied by `factor`.
-    pub(crate) fn samples(&self, factor: f64) -> f64 {
-        let then = |pixel: &DealtPixel| f64::from(self.then(pixel, factor));
-        self.stands_for * self.pixels.iter().map(then).sum::<f64>()
-    }
-
-    /// Samples of all pixels if quotas are multiplied by `factor`; and what was drawn and is left then, where samples of each
-    /// tile cost `costs`.
-    pub(crate) fn left(&self, factor: f64, costs: &[f64]) -> [f64; 3] {
-        let sums = self.pixels.iter().fold([0.0; 3], |[samples, drawn, left], pixel| {
-            let (now, then) = (f64::from(pixel.count), f64::from(self.then(pixel, factor)));
-            let cost = costs[pixel.tile as usize];
-            [samples + then, drawn + cost * now, left + cost * (then - now)]
-        });
-        sums.map(|sum| sum * self.stands_for)
-    }
 }
 
 /// Calls `look` with place (row by row), samples and quota of each pixel.

@@ -5,10 +5,13 @@
 //! light.
 
 mod aov_demand;
+mod calibration;
 pub mod checkpoint;
 mod clock;
 mod costs;
+mod creep;
 mod crew;
+mod dealt;
 mod fault;
 mod forecast;
 mod live;

@@ -7,9 +7,10 @@ use quietus::AdaptiveSampling;
 use quietus_film::{Film, Window};
 
 use crate::costs::Costs;
-use crate::forecast::{Dealt, LARGEST_FACTOR, least_factor};
+use crate::dealt::{Dealt, samples_in};
+use crate::forecast::least_factor;
 use crate::noise::{Copied, Effort};
-use crate::scout::Scout;
+use crate::scout::{Known, Scout};
 use crate::settings::{Goal, RenderSettings, Sampling};
 use crate::steering::Aim;
 use crate::tracer::Tracer;
@@ -21,39 +22,32 @@ const PAUSE: (f64, Duration) = (1.03, Duration::from_millis(40));
 /// Samples per pixel before which pixels are not scouted: halves of fewer are no guide to where the error is.
 const LEAST_SAMPLES: f64 = 3.0;
 
-/// Share of all samples, as far as that is known, that is drawn for the guess in the first round;
-const SCOUTED: f64 = 0.015;
+/// Share of all samples, as far as that is known, that is drawn for the guess;
+const SCOUTED: f64 = 0.02;
 
-/// or that many, if they are no more than such a share of the first round: fewer do not even say how many are needed.
-const LEAST_SCOUTED: (f64, f64) = (65536.0, 0.08);
+/// or that many, if they are no more than such a share of them: fewer do not even say how many are needed.
+const LEAST_SCOUTED: (f64, f64) = (262144.0, 0.06);
+
+/// Share of the samples drawn so far that pixels are scouted with at most: a render that ends soon needs no guess.
+const SCOUTED_SO_FAR: f64 = 0.2;
 
 /// Relative error of what scouted pixels say, one standard deviation, from which on it is not told.
-const LARGEST_DEVIATION: f64 = 0.35;
+const LARGEST_DEVIATION: f64 = 0.5;
 
 /// Towards a target error, what is left comes to `1 + CREEP.0` times what quotas say, for every doubling of the samples, up to
 /// `1 + CREEP.1` times: at every update some quotas come out larger by chance, and what was drawn for them stays drawn.
 const CREEP: (f64, f64) = (0.3, 0.9);
 
-/// Towards a noise it comes to `1 + STEERED_CREEP.0 + STEERED_CREEP.1 * creep of the round before` times that: while there is another
-/// round to come, and in the last one, which has as many updates for an eighth more samples as others have for a quarter.
-const STEERED_CREEP: [(f64, f64); 2] = [(0.0, 0.5), (0.15, 1.1)];
+/// Deviation of the logarithm of the samples that it takes by halves of the film, over the logarithm of what they are multiplied by:
+/// how fast error falls is not known at first.
+const UNKNOWN_FALL: f64 = 0.6;
 
-/// Creep of a round that nothing is known of.
-const USUAL_CREEP: f64 = 0.2;
-
-/// Deviation of the logarithm of the factor that quotas need, by halves of the film and by scouted pixels whose picture was
-/// measured, over the logarithm of the samples that are drawn for it: how fast error falls is not known at first.
-const UNKNOWN_FALL: [f64; 2] = [0.4, 0.2];
-
-/// Deviation of the logarithm of what is left from what it comes to, of guesses by scouted pixels beyond what their number
-/// explains;
-const SCOUTED_SPREAD: f64 = 0.5;
+/// Deviation of the logarithm of what is left from what it comes to, of guesses by scouted pixels in the first round beyond what their
+/// number explains, and in later ones: what measurements will say.
+const SCOUTED_SPREADS: [f64; 2] = [0.4, 0.2];
 
 /// of those by the steering while there is another round to come, and in the last one. `docs/noise.md` has what they are from.
 const STEERED_SPREADS: [f64; 2] = [0.35, 0.3];
-
-/// That of what is left after the first round beyond what the factor explains: what measurements will say.
-const MEASURED_SPREAD: f64 = 0.15;
 
 /// Factors are found to this precision.
 const FACTOR_STEP: f64 = 1.01;
@@ -69,24 +63,31 @@ pub(crate) struct Left {
     pub(crate) spread: f64,
 }
 
+impl Left {
+    /// Between two guesses of what is left after `now` samples, nearer to the one that is known better.
+    fn between(self, other: Self, now: f64) -> Self {
+        let [own, others] = [self, other].map(|left| left.spread.max(1e-3).powi(-2));
+        let share = others / (own + others);
+        let mean = |a: f64, b: f64| a.max(1e-9).powf(1.0 - share) * b.max(1e-9).powf(share);
+        Self {
+            samples: now + mean(self.samples - now, other.samples - now),
+            seconds: mean(self.seconds, other.seconds),
+            spread: (own + others).powf(-0.5),
+        }
+    }
+}
+
 /// What a round is on the way to.
-#[derive(Clone, Debug)]
 struct Way {
     /// What steering multiplies the quotas of this round by until the end.
     factor: f64,
     is_last: bool,
-    /// What the squared error of its beginning is to be multiplied by.
-    fall: Option<f64>,
-    began: Option<Beginning>,
-}
-
-/// Where a round began.
-#[derive(Clone, Debug)]
-struct Beginning {
-    /// Samples that there were, and those it should come to, as quotas said then.
-    foreseen: [f64; 2],
-    /// Samples of scouted pixels.
-    scouted: Vec<f64>,
+    /// What will come beyond what quotas say, as a share of what they add.
+    creep: f64,
+    /// The squared error of its beginning.
+    measured: Option<Known>,
+    /// Samples that scouted pixels had then.
+    began: Vec<f64>,
 }
 
 /// What a look goes by besides the sampling.
@@ -108,8 +109,6 @@ pub(crate) struct Outlook {
     has_aovs: bool,
     /// Of the present round; `None` in the first, where nobody knows.
     way: Option<Way>,
-    /// By how much the last round that came to its end went beyond what quotas had said, as a share of that.
-    crept: Option<f64>,
     looked: Option<Duration>,
     /// Samples in all, and seconds of one thread in all: what was drawn is taken off later.
     total: Option<Left>,
@@ -128,7 +127,6 @@ impl Outlook {
             weights: settings.weights.clone(),
             has_aovs: settings.aov_noise.iter().any(Option::is_some),
             way: None,
-            crept: None,
             looked: None,
             total: None,
             scout: Scout::default(),
@@ -140,19 +138,17 @@ impl Outlook {
         self.goal = Goal::Noise(noise);
     }
 
-    /// A round came to its end, with `sampling`.
-    pub(crate) fn end(&mut self, sampling: &AdaptiveSampling) {
-        let Some(Way { began: Some(Beginning { foreseen: [before, foreseen], .. }), .. }) = self.way else {
-            return;
-        };
-        let crept = (sampling.counts().total() as f64 - before) / (foreseen - before) - 1.0;
-        self.crept = crept.is_finite().then(|| crept.max(0.0));
-    }
-
-    /// Another round begins, towards `aim`. The squared error measured before it is to be multiplied by `fall`, where that is
-    /// known.
-    pub(crate) fn begin(&mut self, aim: &Aim, fall: Option<f64>) {
-        self.way = Some(Way { factor: aim.factor_left, is_last: aim.is_last, fall, began: None });
+    /// Another round begins, towards `aim`, from what `sampling` has drawn, whose squared error was `measured`; quotas will `creep`.
+    pub(crate) fn begin(
+        &mut self,
+        aim: &Aim,
+        creep: f64,
+        sampling: &AdaptiveSampling,
+        measured: Option<Known>,
+    ) {
+        let Aim { factor_left: factor, is_last, .. } = *aim;
+        let began = samples_in(sampling, self.scout.pixels());
+        self.way = Some(Way { factor, is_last, creep, measured, began });
         self.looked = None;
     }
 
@@ -163,8 +159,9 @@ impl Outlook {
 
     /// Draws a few pixels where that helps to guess.
     pub(crate) fn scout<T: Tracer>(&mut self, tracer: &T, samples: u64, film: &Film) {
-        let is_first = matches!(self.goal, Goal::Noise(_)) && self.way.is_none() && !self.has_aovs;
-        if !is_first || (samples as f64) < LEAST_SAMPLES * self.pixels {
+        let is_last = self.way.as_ref().is_some_and(|way| way.is_last);
+        let is_wanted = matches!(self.goal, Goal::Noise(_)) && !is_last && !self.has_aovs;
+        if !is_wanted || (samples as f64) < LEAST_SAMPLES * self.pixels {
             return;
         }
         if !self.scout.has_picks() {
@@ -172,8 +169,8 @@ impl Outlook {
         }
         let (least, share) = LEAST_SCOUTED;
         let total = self.total.map_or(0.0, |total| total.samples).max(self.first_samples);
-        let most = (SCOUTED * total).max(least.min(share * self.first_samples));
-        self.scout.advance(tracer, self.window, most);
+        let most = (SCOUTED * total).max(least.min(share * total));
+        self.scout.advance(tracer, self.window, most.min(SCOUTED_SO_FAR * samples as f64));
     }
 
     /// What there will be in the end, without end where limits alone bring it or nobody knows; `None` where the share of pixels
@@ -221,12 +218,18 @@ impl Outlook {
                 })
             }
             Goal::Noise(asked) if self.way.is_none() => self.by_scouts(asked, sampling, seen.film, &costs),
-            Goal::Noise(_) => self.by_steering(sampling, &costs),
+            Goal::Noise(asked) => self.by_steering(asked, sampling, &costs),
         }
     }
 
     /// In the first round: from what scouted pixels say of the error, and quotas or what will make them.
-    fn by_scouts(&self, asked: f64, sampling: &AdaptiveSampling, film: &Film, costs: &[f64]) -> Option<Left> {
+    fn by_scouts(
+        &mut self,
+        asked: f64,
+        sampling: &AdaptiveSampling,
+        film: &Film,
+        costs: &[f64],
+    ) -> Option<Left> {
         if self.has_aovs || !self.scout.has_picks() {
             return None;
         }
@@ -235,38 +238,51 @@ impl Outlook {
             Dealt::before_quotas(sampling, &picture.finished(), self.scout.pixels())
         });
         let dealt = dealt.towards_a_noise();
-        let square = |factor: f64| self.scout.square(|number| dealt.asked(number, factor));
-        let (factor, deviation) = factor_to(&self.scout, asked.powi(2), square)?;
-        let [samples, drawn, left] = dealt.left(factor, costs);
-        let is_at_the_least = samples < 1.5 * self.first_samples;
-        let spread = if is_at_the_least { STEERED_SPREADS[1] } else { deviation.hypot(SCOUTED_SPREAD) };
-        Some(Left { samples, seconds: left + self.measuring() * (drawn + left), spread })
+        let square = |factor| self.scout.square(|number| dealt.asked(number, factor));
+        let (left, factor) = scouted_left(&square, asked, &dealt, costs)?;
+        self.scout.want(|number| dealt.asked(number, factor));
+        if left.spread > LARGEST_DEVIATION {
+            return None;
+        }
+        let is_at_the_least = left.samples < 1.5 * self.first_samples;
+        let spread = if is_at_the_least { STEERED_SPREADS[1] } else { left.spread.hypot(SCOUTED_SPREADS[0]) };
+        let drawn = dealt.left(1.0, costs)[1];
+        Some(Left { seconds: left.seconds + self.measuring() * (drawn + left.seconds), spread, ..left })
     }
 
-    /// From what the steering has decided and, until a round has shown how it creeps, from scouted pixels.
-    fn by_steering(&mut self, sampling: &AdaptiveSampling, costs: &[f64]) -> Option<Left> {
+    /// From what the steering has decided and, until the last round, from scouted pixels.
+    fn by_steering(&mut self, asked: f64, sampling: &AdaptiveSampling, costs: &[f64]) -> Option<Left> {
         let now = sampling.counts().total() as f64;
         let dealt = Dealt::of(sampling, self.scout.pixels())?;
-        let Self { way, scout, .. } = self;
-        let way = way.as_mut()?;
-        let began = way.began.get_or_insert_with(|| Beginning {
-            foreseen: [now, dealt.left(1.0, costs)[0]],
-            scouted: dealt.asked_now(),
-        });
-        let is_last = usize::from(way.is_last);
+        let &Way { factor, is_last, creep, .. } = self.way.as_ref()?;
         let dealt = dealt.towards_a_noise();
-        let (factor, spread) = match way.is_last || self.crept.is_some() {
-            true => (way.factor, STEERED_SPREADS[is_last]),
-            false => unknown_factor(way.factor, way.fall, scout, began, &dealt),
+        let [samples, drawn, seconds] = dealt.left(factor, costs);
+        let [samples, seconds] = [now + (1.0 + creep) * (samples - now), (1.0 + creep) * seconds];
+        let steered = Left { samples, seconds, spread: STEERED_SPREADS[usize::from(is_last)] };
+        let left = if is_last { steered } else { self.both(steered, asked, &dealt, costs) };
+        Some(Left { seconds: left.seconds + self.measuring() * (drawn + left.seconds), ..left })
+    }
+
+    /// What the steering foresees and what scouted pixels do, given what was measured before this round.
+    fn both(&mut self, steered: Left, asked: f64, dealt: &Dealt, costs: &[f64]) -> Left {
+        let Some(&Way { measured: Some(measured), ref began, .. }) = self.way.as_ref() else {
+            return steered;
         };
-        let [samples, drawn, left] = dealt.left(factor, costs);
-        let (least, share) = STEERED_CREEP[is_last];
-        let creep = match self.sampling {
-            Sampling::Uniform => 1.0,
-            _ => 1.0 + (least + share * self.crept.unwrap_or(USUAL_CREEP)).min(CREEP.1),
-        };
-        let (samples, seconds) = (now + creep * (samples - now), creep * left);
-        Some(Left { samples, seconds: seconds + self.measuring() * (drawn + seconds), spread })
+        // Pixels may have been chosen since.
+        if began.is_empty() {
+            return steered;
+        }
+        let now = dealt.now();
+        let fall = UNKNOWN_FALL * (steered.samples / now).ln().max(0.0);
+        let steered = Left { spread: fall.hypot(measured.variance.sqrt()), ..steered };
+        let from = |number: usize| began[number];
+        let square = |factor| self.scout.square_given(measured, from, |number| dealt.asked(number, factor));
+        let by_scouts = scouted_left(&square, asked, dealt, costs);
+        let left = by_scouts.map_or(steered, |(left, factor)| {
+            self.scout.want(|number| dealt.asked(number, factor));
+            steered.between(left, now)
+        });
+        Left { spread: left.spread.hypot(SCOUTED_SPREADS[1]), ..left }
     }
 
     /// How much more comes, as a share of what quotas say, where nothing was learnt yet.
@@ -277,48 +293,24 @@ impl Outlook {
 
     /// Samples that measure the noise, over those in the picture.
     fn measuring(&self) -> f64 {
-        // Rounds before the last have a third of the samples, all together.
-        Effort::REPORT.expected_share(self.pixels) + 0.4 * Effort::STEP.expected_share(self.pixels)
+        // Rounds before the last have half of the samples, all together, and are measured better the further it is.
+        Effort::REPORT.expected_share(self.pixels) + 0.9 * Effort::STEP.expected_share(self.pixels)
     }
 }
 
-/// What quotas are to be multiplied by in the round after the first, and the deviation of the logarithm of what comes of it: by
-/// halves of the film `steered`, by scouted pixels what makes the error fall as it has to, to `fall` times what it was.
-fn unknown_factor(
-    steered: f64,
-    fall: Option<f64>,
-    scout: &Scout,
-    began: &Beginning,
+/// What is left until the square that `square` says at a factor of quotas comes to that of the noise `asked`, and this factor.
+/// `None` where scouted pixels know too little, or find it out of reach.
+fn scouted_left(
+    square: &impl Fn(f64) -> Option<Known>,
+    asked: f64,
     dealt: &Dealt,
-) -> (f64, f64) {
-    let from = |number: usize| began.scouted[number];
-    let falls = |factor: f64| scout.fall(from, |number| dealt.asked(number, factor));
-    let scouted = fall.and_then(|fall| factor_to(scout, fall, falls));
-    // Where scouted pixels find it out of reach, the steering knows what it does instead.
-    let scouted = scouted.filter(|(factor, _)| *factor < LARGEST_FACTOR);
-    both(steered, scouted, (dealt.samples(steered) / began.foreseen[0]).ln().max(0.0))
-}
-
-/// The least factor of quotas at which the square that `square` says, with its relative deviation, comes to `goal`; and that
-/// deviation. `None` where scouted pixels know too little.
-fn factor_to(scout: &Scout, goal: f64, square: impl Fn(f64) -> (f64, f64)) -> Option<(f64, f64)> {
-    let factor = least_factor(FACTOR_STEP, |factor| square(factor).0 <= goal).unwrap_or(LARGEST_FACTOR);
-    let (square, deviation) = square(factor);
-    let is_known = scout.is_enough() && square > 0.0 && (0.0..LARGEST_DEVIATION).contains(&deviation);
-    is_known.then_some((factor, deviation))
-}
-
-/// The factor by which quotas are multiplied, from that by halves of the film and, where it is known, that by scouted pixels with the
-/// deviation of its logarithm, and the deviation of what comes of it. Samples grow by so many e-foldings.
-fn both(steered: f64, scouted: Option<(f64, f64)>, foldings: f64) -> (f64, f64) {
-    let [by_halves, by_scouts] = UNKNOWN_FALL.map(|deviation| (deviation * foldings).max(1e-3));
-    let (mut sum, mut precision) = (steered.ln() / by_halves.powi(2), by_halves.powi(-2));
-    if let Some((factor, deviation)) = scouted {
-        let each = by_scouts.hypot(deviation).powi(-2);
-        sum += each * factor.max(1.0).ln();
-        precision += each;
-    }
-    ((sum / precision).exp(), precision.powf(-0.5).hypot(MEASURED_SPREAD))
+    costs: &[f64],
+) -> Option<(Left, f64)> {
+    let is_enough = |factor: f64| square(factor).is_none_or(|square| square.value <= asked.powi(2));
+    let factor = least_factor(FACTOR_STEP, is_enough)?;
+    let spread = square(factor)?.variance.sqrt();
+    let [samples, _, seconds] = dealt.left(factor, costs);
+    Some((Left { samples, seconds, spread }, factor))
 }
 
 #[cfg(test)]
@@ -327,17 +319,11 @@ mod tests {
 
     #[test]
     fn what_is_known_better_counts_more() {
-        // Nothing else is known: the steering's factor, as uncertain as the way is long.
-        let (factor, near) = both(3.0, None, 0.5);
-        let (same, far) = both(3.0, None, 2.0);
-        assert!((factor / 3.0 - 1.0).abs() < 1e-9 && (same / 3.0 - 1.0).abs() < 1e-9);
-        assert!(near < far);
-        // Between the two, nearer to what is known better, and better known than either.
-        let (precise, rough) = (both(3.0, Some((6.0, 0.01)), 1.0), both(3.0, Some((6.0, 2.0)), 1.0));
-        assert!(precise.0 > 4.8 && precise.0 < 6.0, "{precise:?}");
-        assert!(rough.0 > 3.0 && rough.0 < 3.2, "{rough:?}");
-        assert!(precise.1 < rough.1 && rough.1 < both(3.0, None, 1.0).1);
-        // The quotas of a round that has begun do not shrink.
-        assert!(both(1.0, Some((1e-12, 0.1)), 1.0).0 >= 1.0);
+        let left = |left: f64, spread: f64| Left { samples: 100.0 + left, seconds: left, spread };
+        let between = left(300.0, 0.2).between(left(600.0, 0.2), 100.0);
+        assert!((between.samples - 100.0 - 180_000f64.sqrt()).abs() < 1e-6, "{between:?}");
+        assert!((between.spread - 0.02f64.sqrt()).abs() < 1e-9);
+        let near = left(300.0, 0.2).between(left(600.0, 0.02), 100.0);
+        assert!(near.seconds > 550.0 && near.seconds < 600.0 && near.spread < 0.02, "{near:?}");
     }
 }

@@ -100,13 +100,15 @@ pub(crate) struct Estimator {
     most_samples: Option<f64>,
     /// Seconds after which the render ends in any case.
     limit: Option<f64>,
+    /// The first reading.
+    began: Option<Point>,
     history: VecDeque<Point>,
 }
 
 impl Estimator {
     pub(crate) fn new(pixels: u64, most_samples: Option<f64>, limit: Option<Duration>) -> Self {
         let limit = limit.map(|l| l.as_secs_f64());
-        Self { pixels: pixels as f64, most_samples, limit, history: VecDeque::new() }
+        Self { pixels: pixels as f64, most_samples, limit, began: None, history: VecDeque::new() }
     }
 
     pub(crate) fn reading(&mut self, elapsed: Duration, drawn: Drawn, converged: f64) -> Progress {
@@ -119,6 +121,7 @@ impl Estimator {
         let start = Point { seconds: 0.0, samples: 0, spent: 0.0, rays: 0, converged: 0.0 };
         let before = self.history.front().copied().unwrap_or(start);
         self.history.push_back(now);
+        self.began.get_or_insert(now);
         let span = (now.seconds - before.seconds).max(1e-9);
         let rate = now.samples.saturating_sub(before.samples) as f64 / span;
         let remaining = self.remaining(before, now, total);
@@ -161,7 +164,11 @@ impl Estimator {
         let growth = (now.converged - before.converged) / span;
         let by_share =
             || (now.converged >= LEAST_SHARE && growth > 0.0).then(|| (1.0 - now.converged) / growth);
-        let by_work = |total: Left| at_rate(total.seconds - now.spent, (now.spent - before.spent) / span);
+        // Threads work alike all the time, but for pauses between rounds: all of it says more than the last moments.
+        let began = self.began.unwrap_or(now);
+        let by_work = |total: Left| {
+            at_rate(total.seconds - now.spent, (now.spent - began.spent) / (now.seconds - began.seconds))
+        };
         let by_share = if total.is_some() { total.and_then(by_work) } else { by_share() };
         let rate = now.samples.saturating_sub(before.samples) as f64 / span;
         let by_samples = self.most_samples.and_then(|most| at_rate(most - now.samples as f64, rate));

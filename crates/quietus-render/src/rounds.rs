@@ -83,7 +83,7 @@ pub fn render_keeping<T: Tracer>(
         let sampling = AdaptiveSampling::restored(rounds.library_up_to(&aim, max_samples), &sampling)?;
         let (aim, sampling) = rounds.towards_the_goal(aim, max_samples, sampling)?;
         if rounds.steering.is_past_the_first() {
-            rounds.outlook.begin(&aim, rounds.steering.fall_left());
+            rounds.outlook.begin(&aim, rounds.steering.creep(aim.is_last), &sampling, None);
         }
         return rounds.run(control, aim, sampling, keeper);
     }
@@ -235,7 +235,6 @@ impl<'a, T: Tracer> Rounds<'a, T> {
                 if drawn > before { (drawn - before, start) } else { (drawn, Duration::ZERO) };
             let pace = drawn as f64 / clock.elapsed().saturating_sub(start).as_secs_f64().max(1e-9);
             self.end(&sampling, aim, self.settings.max_samples);
-            self.outlook.end(&sampling);
             // It may have finished just when it was told to stop.
             let decision = match stopped_by.filter(|_| !sampling.is_finished()) {
                 Some(stopped_by) => Decision::Stop(stopped_by),
@@ -252,7 +251,8 @@ impl<'a, T: Tracer> Rounds<'a, T> {
                 }
                 Decision::GoOn(next) => aim = next,
             }
-            self.outlook.begin(&aim, self.steering.fall_left());
+            let (creep, measured) = (self.steering.creep(aim.is_last), self.steering.measured());
+            self.outlook.begin(&aim, creep, &sampling, measured);
             sampling = observed(AdaptiveSampling::resumed(self.library(&aim), &Start::of(&sampling))?);
         };
         // Before pixels have their minimum there is hardly time, and nothing that says where to measure.

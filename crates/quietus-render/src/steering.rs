@@ -12,15 +12,18 @@
 
 use std::time::Duration;
 
-use quietus::{AdaptiveSampling, Approach};
+use quietus::{AdaptiveSampling, Approach, PassCounts};
 use serde::{Deserialize, Serialize};
 
 use crate::aov_demand::AovDemand;
+use crate::calibration::Calibration;
+use crate::creep::Creep;
 use crate::forecast::{Ahead, Forecast, Past, even, towards_a_noise};
 use crate::noise::{Copied, Effort, Foretold, Measured, Noise, OfAovs};
 use crate::pixel_errors::REPLICATES;
 use crate::progress::NoiseProgress;
 use crate::run::Bound;
+use crate::scout::Known;
 use crate::settings::{Goal, RenderSettings, Sampling};
 
 /// Target error of the first round: no quota is above the minimum of samples.
@@ -48,6 +51,9 @@ const EDGE_VARIANCE: f64 = 0.6;
 
 /// Falls that are believed.
 const FALLS: std::ops::RangeInclusive<f64> = 0.6..=1.6;
+
+/// Samples that creep go where noise was found, and where there is none: they help half as much as others.
+const CREEP_HELPS: f64 = 0.5;
 
 /// Rounds after which the noise is what it is: no scene needs half as many.
 const MOST_ROUNDS: u32 = 24;
@@ -122,6 +128,7 @@ pub(crate) struct Learnt {
     edge_fall: f64,
     /// As of the end of the round before.
     before: Option<Past>,
+    creep: Creep,
     bound: Option<Bound>,
     /// The noise it will end with, where that is not the one asked for.
     expected: Option<f64>,
@@ -139,6 +146,7 @@ impl Steering {
             fall: FIRST_FALL,
             edge_fall: FIRST_EDGE_FALL,
             before: None,
+            creep: Creep::default(),
             bound: None,
             expected: None,
         };
@@ -252,10 +260,10 @@ impl Steering {
         self.learnt.bound
     }
 
-    /// What the squared error measured last is to be multiplied by for the noise asked for.
-    pub(crate) fn fall_left(&self) -> Option<f64> {
+    /// The squared error that was measured last.
+    pub(crate) fn measured(&self) -> Option<Known> {
         let (noise, _) = self.learnt.measured.filter(|(noise, _)| noise.reached > 0.0)?;
-        Some((self.asked()? / noise.reached).powi(2))
+        Some(Known { value: noise.reached.powi(2), variance: (2.0 * noise.log_deviation()).powi(2) })
     }
 
     /// What a watcher is told.
@@ -267,9 +275,8 @@ impl Steering {
     /// Looks at the picture at the end of a round.
     pub(crate) fn look(&mut self, picture: &Copied, sampling: &AdaptiveSampling) -> Forecast {
         self.learnt.rounds += 1;
-        let counts = self.settings.library(REPLICATES as u32, FIRST_TARGET).pass_counts();
-        let counts = if self.asked().is_some() { towards_a_noise(counts) } else { counts };
-        let now = Forecast::new(&picture.finished(), sampling, counts);
+        let now = Forecast::new(&picture.finished(), sampling, self.counts());
+        self.learnt.creep.learn(sampling.counts().total() as f64);
         if let Some(fall) = self.learnt.before.as_ref().and_then(|before| before.fall_to(&now)) {
             self.learnt.fall = 0.5 * (self.learnt.fall + fall.clamp(*FALLS.start(), *FALLS.end()));
         }
@@ -277,6 +284,19 @@ impl Steering {
         let now = now.with_fall(self.learnt.fall);
         self.learnt.before = Some(now.past());
         now
+    }
+
+    /// How passes draw on the way.
+    fn counts(&self) -> PassCounts {
+        self.settings.library(REPLICATES as u32, FIRST_TARGET).pass_counts()
+    }
+
+    /// What the next round, or the last one, will come to beyond what quotas say, as a share of what they add.
+    pub(crate) fn creep(&self, is_last: bool) -> f64 {
+        match self.settings.sampling {
+            Sampling::Uniform => 0.0,
+            _ => self.learnt.creep.expected(is_last),
+        }
     }
 
     /// Takes in a measurement; whether it may be reported depends on what follows.
@@ -308,8 +328,14 @@ impl Steering {
     pub(crate) fn effort(&self, forecast: &Forecast) -> Effort {
         let square = self.learnt.calibration.square(forecast.square);
         let goal = self.asked().unwrap_or(1.0).powi(2) / square;
-        let reach = forecast.least(|ahead| ahead.square <= goal).unwrap_or_else(|| forecast.limit());
+        let last = self.in_the_last_round(forecast);
+        let reach = last.least(|ahead| ahead.square <= goal).unwrap_or_else(|| last.limit());
         Effort::STEP.for_way_of(reach.samples)
+    }
+
+    /// What larger quotas bring in the last round towards a noise.
+    fn in_the_last_round(&self, forecast: &Forecast) -> Forecast {
+        forecast.by(towards_a_noise(self.counts()), CREEP_HELPS * self.creep(true))
     }
 
     /// Whether quotas have been set by what was found.
@@ -332,6 +358,9 @@ impl Steering {
             Some(_) => (next, is_last),
         };
         let ends_at_a_noise = is_last && self.asked().is_some();
+        let counts = if ends_at_a_noise { towards_a_noise(self.counts()) } else { self.counts() };
+        let foreseen = time.samples * forecast.by(counts, 0.0).at(next.factor).samples;
+        self.learnt.creep.foresee(time.samples, foreseen);
         Verdict::GoOn(Aim {
             target_error: aim.target_error / next.factor,
             samples: even(f64::from(aim.samples) * next.factor),
@@ -360,15 +389,16 @@ impl Steering {
         }
         let square = self.learnt.calibration.square(forecast.square);
         let (goal, edges) = (asked.powi(2) / square, self.edges_goal());
-        let best = forecast.limit();
-        let reach = forecast.least(|ahead| ahead.square <= goal && ahead.edges <= edges);
+        let last = self.in_the_last_round(forecast);
+        let best = last.limit();
+        let reach = last.least(|ahead| ahead.square <= goal && ahead.edges <= edges);
         self.foretell(asked, reach.is_none());
         // Where it is out of reach: almost as far as one gets, as the rest would go to pixels that hardly matter.
         let reach = reach.or_else(|| {
             let limit = |ahead: &Ahead| {
                 ahead.square <= goal.max(1.005 * best.square) && ahead.edges <= edges.max(1.005 * best.edges)
             };
-            forecast.least(limit)
+            last.least(limit)
         });
         let Some(reach) = reach.filter(|reach| reach.samples > SMALLEST_STEP) else {
             return Err(self.finish_early(measured, asked));
@@ -441,70 +471,5 @@ impl TimeLeft {
         let samples = 1.0 + fits / self.samples.max(1.0);
         let ahead = forecast.least(|ahead| ahead.samples >= samples).unwrap_or_else(|| forecast.limit());
         Some((ahead, is_last))
-    }
-}
-
-/// How far halves of the film misjudge the squared error: too small where sampling stopped because they agreed.
-///
-/// Every measurement says so with a known precision; what is believed is the mean of all, newer ones counting more, since
-/// the ratio may drift from round to round (a Kalman filter for one number, in logarithms).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Calibration {
-    /// Logarithm of the true mean square over that by halves.
-    ratio: f64,
-    /// Its variance.
-    variance: f64,
-}
-
-/// Variance of the drift of the ratio from one round to the next.
-const DRIFT: f64 = 0.02;
-
-impl Default for Calibration {
-    fn default() -> Self {
-        Self { ratio: 0.0, variance: 0.25 }
-    }
-}
-
-impl Calibration {
-    /// Takes in a measurement of a picture whose halves differ by `square`.
-    fn take(&mut self, noise: Noise, square: f64) {
-        self.variance += DRIFT;
-        if noise.reached > 0.0 && square > 0.0 {
-            let ratio = (noise.reached.powi(2) / square).ln();
-            let variance = (2.0 * noise.log_deviation()).powi(2);
-            let gain = self.variance / (self.variance + variance);
-            self.ratio += gain * (ratio - self.ratio);
-            self.variance *= 1.0 - gain;
-        }
-    }
-
-    /// The true mean square where halves differ by `square`.
-    fn square(&self, square: f64) -> f64 {
-        square * self.ratio.exp()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn noise(reached: f64, width: f64) -> Noise {
-        Noise { reached, low: reached / width, high: reached * width }
-    }
-
-    #[test]
-    fn measurements_are_believed_as_far_as_they_are_precise() {
-        let mut calibration = Calibration::default();
-        // Halves say 1 %, a precise measurement says 2 %: four times the square.
-        calibration.take(noise(0.02, 1.02), 1e-4);
-        assert!((calibration.square(1e-4) / 4e-4 - 1.0).abs() < 0.05);
-        // A rough one that contradicts it moves it a little.
-        let before = calibration.square(1e-4);
-        calibration.take(noise(0.01, 2.0), 1e-4);
-        let after = calibration.square(1e-4);
-        assert!(after < before && after > 0.7 * before, "{before} {after}");
-        // One of nothing says nothing.
-        calibration.take(noise(0.0, 1.0), 1e-4);
-        assert_eq!(calibration.square(1e-4), after);
     }
 }

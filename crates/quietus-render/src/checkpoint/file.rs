@@ -22,7 +22,7 @@ use xxhash_rust::xxh3::Xxh3;
 use super::Identity;
 
 /// Version of the format. One program reads one version.
-const FORMAT: u32 = 6;
+const FORMAT: u32 = 7;
 
 /// What files begin with, before the letter of their kind.
 const MAGIC: &[u8; 7] = b"quietus";

@@ -44,7 +44,7 @@ impl Effort {
     pub const REPORT: Self = Self { share: 0.02, picks: 1024, most_share: 0.15 };
 
     /// On the way, to see how far it still is.
-    pub const STEP: Self = Self { share: 0.01, picks: 512, most_share: 0.1 };
+    pub const STEP: Self = Self { share: 0.02, picks: 1024, most_share: 0.1 };
 
     /// For a picture that will have `times` as many samples: larger by the root of that.
     pub(crate) fn for_way_of(self, times: f64) -> Self {

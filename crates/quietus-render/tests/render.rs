@@ -506,7 +506,7 @@ fn limits_of_samples_that_keep_the_noise_from_what_was_asked_are_said() {
     let deviation = (noise.reached / noise.low).ln() / 1.96;
     let off = (true_noise(&rendered, |_, _| 0.25) / noise.reached).ln();
     // Off by more once in 500,000 times.
-    assert!(off.abs() < 4.75 * deviation && deviation < 0.1, "{off} {deviation}");
+    assert!(off.abs() < 4.75 * deviation && deviation < 0.2, "{off} {deviation}");
     let rendered = asked(0.2, 16, 64);
     assert_eq!(rendered.bound, Some(quietus_render::Bound::MinSamples));
     assert!(rendered.film.sample_counts().iter().all(|&count| count < 30));

@@ -1,13 +1,20 @@
 //! The command line.
 
+pub(crate) mod values;
+
+use std::any::TypeId;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use quietus_film::Window;
 use quietus_render::noise::Aov;
 
+use self::values::{
+    parse_aov_noise, parse_error, parse_factor, parse_fps, parse_frames, parse_limit, parse_noise,
+    parse_share, parse_size, parse_stops, parse_threads, parse_time, parse_window, whole, within,
+};
 use crate::after::compare::CompareArgs;
 use crate::after::convert::ConvertArgs;
 use crate::after::inspect::InspectArgs;
@@ -126,7 +133,7 @@ pub(crate) struct RenderArgs {
     pub size: Option<[u32; 2]>,
 
     /// Width of the full frame in pixels, in the shape it would have by default.
-    #[arg(long, value_name = "W", conflicts_with = "size", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "W", conflicts_with = "size", value_parser = whole(1_u32))]
     pub width: Option<u32>,
 
     /// Draw only this part of the frame: x0 <= x < x1, y0 <= y < y1, (0, 0) at the top left. Default: what the scene
@@ -138,8 +145,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
 
-    /// Draw this scene of a file that has several, by its name or number from 0; `quietus info` lists them.
-    #[arg(long = "scene", value_name = "NAME|N")]
+    /// Of a file that has several scenes, draw this one, by its name or number from 0; `quietus info` lists them.
+    #[arg(long, value_name = "NAME|N")]
     pub scene_in_file: Option<String>,
 
     /// Draw the file's variant of this name (KHR_materials_variants); `quietus info` lists them.
@@ -152,7 +159,7 @@ pub(crate) struct RenderArgs {
     pub env: Option<PathBuf>,
 
     /// Draw frame N of an animation: the moment N / FPS seconds after its beginning.
-    #[arg(long, value_name = "N", help_heading = "Animation", conflicts_with = "frames")]
+    #[arg(long, value_name = "N", help_heading = "Animation", conflicts_with = "frames", value_parser = whole(0_u32))]
     pub frame: Option<u32>,
 
     /// Draw the frames A to B, one picture each. `####` in the names of outputs becomes the frame's number; without
@@ -166,7 +173,7 @@ pub(crate) struct RenderArgs {
 
     /// Share of a frame's time, from 0 to 1, for which the shutter is open: what moves is blurred. It opens at the
     /// frame's own time. [default: 0.5]
-    #[arg(long, value_name = "SHARE", help_heading = "Animation", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SHARE", help_heading = "Animation")]
     #[arg(value_parser = parse_share)]
     pub shutter: Option<f64>,
 
@@ -205,21 +212,21 @@ pub(crate) struct RenderArgs {
 
     /// Region error to stop at instead of a noise, in the library's units: smaller is cleaner and slower.
     /// [default with samplings that cannot go by noise: 0.001; not with uniform]
-    #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = parse_error)]
+    #[arg(long, value_name = "E", value_parser = parse_error)]
     pub target_error: Option<f64>,
 
     /// The same number of samples for every pixel (implies --sampling uniform).
     /// [default with uniform: what the scene asks for, else 64; no limit with --time]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = whole(1_u32))]
     pub spp: Option<u32>,
 
     /// Samples every pixel gets before any may stop. [default: 16; not with uniform]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = whole(1_u32))]
     pub min_samples: Option<u32>,
 
     /// Samples no pixel exceeds. Default: no limit with --noise and --time; with --target-error the samples per pixel that
     /// the scene asks for, else 4096. Not with uniform.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = whole(1_u32))]
     pub max_samples: Option<u32>,
 
     /// The best picture for this time, such as 90s, 5m or "1h 30m"; a plain number means seconds. With --noise or
@@ -229,7 +236,7 @@ pub(crate) struct RenderArgs {
 
     /// Longest path in segments from the camera: 1 shows emitters seen directly, 2 adds direct light.
     /// [default: what the scene asks for, else 16]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_DEPTH))]
+    #[arg(long, value_name = "N", value_parser = within(1..=MOST_DEPTH))]
     pub max_depth: Option<u32>,
 
     /// Pixel filter. [default: what the scene asks for, else blackman-harris]
@@ -238,11 +245,11 @@ pub(crate) struct RenderArgs {
 
     /// What radiance is multiplied by before it becomes the picture; see --stops. [default: what the scene asks for,
     /// else 1]
-    #[arg(long, value_name = "F", allow_negative_numbers = true, value_parser = parse_factor)]
+    #[arg(long, value_name = "F", value_parser = parse_factor)]
     pub exposure: Option<f32>,
 
     /// The same in stops: each doubles or halves the light.
-    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "exposure", value_parser = parse_stops)]
+    #[arg(long, value_name = "N", conflicts_with = "exposure", value_parser = parse_stops)]
     pub stops: Option<f32>,
 
     /// Largest component of a sample's colour; brighter samples are darkened to it, which loses energy. "inf" lets
@@ -256,7 +263,7 @@ pub(crate) struct RenderArgs {
     pub clamp_indirect: Option<f32>,
 
     /// Picks the random numbers: equal seeds give equal pictures.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0_u64))]
     pub seed: u64,
 
     /// Threads that render. Default: one per core. The picture does not depend on it (except with free-running).
@@ -284,12 +291,12 @@ pub(crate) struct RenderArgs {
     pub viewing: ViewingArgs,
 
     /// Passes that the tree in use lags behind: 1 saves samples, 2 keeps threads busy at the end.
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=2))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = within(1..=2))]
     #[arg(help_heading = "Expert")]
     pub lag: u32,
 
     /// Trees along each axis of the picture. [default: 2; 1 with --sampling unbiased]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
+    #[arg(long, value_name = "N", value_parser = within(1..=64))]
     #[arg(help_heading = "Expert")]
     pub regions: Option<u32>,
 
@@ -303,6 +310,24 @@ pub(crate) struct RenderArgs {
     pub rebuild: Option<RebuildArg>,
 }
 
+/// The command line of the program. A value that is neither text nor one of some words may begin with a dash, so that a number
+/// below 0 is told what was expected instead, and is not taken for a flag.
+pub(crate) fn program() -> clap::Command {
+    let is_text = |arg: &clap::Arg| {
+        let kind = arg.get_value_parser().type_id();
+        kind == TypeId::of::<String>() || kind == TypeId::of::<PathBuf>()
+    };
+    Cli::command().mut_subcommands(|command| {
+        command.mut_args(|arg| {
+            let may_be_below_0 = arg.get_long().is_some()
+                && arg.get_action().takes_values()
+                && arg.get_possible_values().is_empty()
+                && !is_text(&arg);
+            arg.allow_hyphen_values(may_be_below_0)
+        })
+    })
+}
+
 impl RenderArgs {
     /// What radiance is multiplied by, where that is said.
     pub(crate) fn exposure(&self) -> Option<f32> {
@@ -311,7 +336,7 @@ impl RenderArgs {
 }
 
 /// Longest path that may be asked for.
-pub(crate) const MOST_DEPTH: i64 = 4096;
+pub(crate) const MOST_DEPTH: u32 = 4096;
 
 /// `--checks`.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -371,112 +396,13 @@ pub(crate) enum FilterArg {
     LanczosSinc,
 }
 
-pub(crate) fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let parsed = text.split_once(['x', 'X']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    parsed.ok_or_else(|| "expected width and height in pixels, such as 1280x720".to_owned())
-}
-
-fn parse_window(text: &str) -> Result<Window, String> {
-    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[x0, y0, x1, y1]) => Ok(Window { x0, y0, x1, y1 }),
-        _ => Err("expected four whole numbers x0,y0,x1,y1, such as 100,50,300,200".to_owned()),
-    }
-}
-
-fn parse_frames(text: &str) -> Result<[u32; 2], String> {
-    let frames = text.split_once('-').and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
-    let sound = frames.filter(|[first, last]| first <= last);
-    sound.ok_or_else(|| "expected the first and the last frame, such as 1-48".to_owned())
-}
-
-fn parse_fps(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(fps) if (1e-3..=1e6).contains(&fps) => Ok(fps),
-        _ => Err("expected frames per second, such as 24 or 29.97".to_owned()),
-    }
-}
-
-fn parse_share(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
-        _ => Err("expected a number from 0 to 1, such as 0.5".to_owned()),
-    }
-}
-
-fn parse_error(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(error) if error.is_finite() && error > 0.0 => Ok(error),
-        _ => Err("expected a number above 0, such as 0.002".to_owned()),
-    }
-}
-
-/// As a share.
-pub(crate) fn parse_noise(text: &str) -> Result<f64, String> {
-    let percent = text.strip_suffix('%').unwrap_or(text).trim_end().parse::<f64>();
-    match percent {
-        Ok(percent) if percent > 0.0 && percent <= 100.0 => Ok(percent / 100.0),
-        _ => Err("expected percent of white, above 0 and up to 100, such as 1% or 0.5%".to_owned()),
-    }
-}
-
-/// As a share.
-fn parse_aov_noise(text: &str) -> Result<(Aov, f64), String> {
-    let names = || Aov::ALL.map(Aov::name).join(", ");
-    let parts = text.split_once('=');
-    let aov = parts.and_then(|(name, _)| Aov::ALL.into_iter().find(|aov| aov.name() == name.trim()));
-    match aov.zip(parts) {
-        Some((aov, (_, noise))) => Ok((aov, parse_noise(noise.trim())?)),
-        None => Err(format!("expected one of {} and its noise, such as normal=2%", names())),
-    }
-}
-
-pub(crate) fn parse_factor(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(factor),
-        _ => Err("expected a number above 0, such as 0.5".to_owned()),
-    }
-}
-
-pub(crate) fn parse_stops(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(stops) if stops.abs() <= 64.0 => Ok(stops),
-        _ => Err("expected a number of stops from -64 to 64, such as -1.5".to_owned()),
-    }
-}
-
-fn parse_limit(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(limit) if limit > 0.0 => Ok(limit),
-        _ => Err("expected a number above 0, or inf".to_owned()),
-    }
-}
-
-pub(crate) fn parse_time(text: &str) -> Result<Duration, String> {
-    let seconds = text.parse::<f64>().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
-    match seconds.or_else(|| humantime::parse_duration(text).ok()) {
-        Some(time) if !time.is_zero() => Ok(time),
-        _ => Err("expected a time above 0, such as 90s, 5m or \"1h 30m\"".to_owned()),
-    }
-}
-
-/// More threads than this only cost memory on any machine there is.
-const MOST_THREADS: usize = 1024;
-
-fn parse_threads(text: &str) -> Result<NonZeroUsize, String> {
-    let threads = text.parse().ok().filter(|threads: &NonZeroUsize| threads.get() <= MOST_THREADS);
-    threads.ok_or_else(|| format!("expected a number of threads from 1 to {MOST_THREADS}"))
-}
-
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     use super::*;
 
     #[test]
     fn the_command_line_is_well_formed() {
-        Cli::command().debug_assert();
+        program().debug_assert();
     }
 
     #[test]
@@ -486,39 +412,5 @@ mod tests {
         for words in examples {
             Cli::try_parse_from(words).unwrap();
         }
-    }
-
-    #[test]
-    fn values_are_read_or_refused() {
-        assert_eq!(parse_size("1280x720"), Ok([1280, 720]));
-        for bad in ["1280", "1280x", "x", "-1x4", "1.5x2", "1x2x3", "99999999999x1"] {
-            assert!(parse_size(bad).is_err(), "{bad}");
-        }
-        assert_eq!(parse_window("1,2, 3,4"), Ok(Window { x0: 1, y0: 2, x1: 3, y1: 4 }));
-        for bad in ["1,2,3", "1,2,3,4,5", "a,2,3,4", "-1,2,3,4", ""] {
-            assert!(parse_window(bad).is_err(), "{bad}");
-        }
-        for bad in ["nan", "NaN", "inf", "0", "-1", "x", ""] {
-            assert!(parse_error(bad).is_err(), "{bad}");
-        }
-        for bad in ["nan", "0", "-1", "x", ""] {
-            assert!(parse_factor(bad).is_err() && parse_limit(bad).is_err(), "{bad}");
-        }
-        assert_eq!(["1%", "1 %", "1"].map(parse_noise), [const { Ok(0.01) }; 3]);
-        for bad in ["0", "-1%", "101%", "nan", "%", "1%%", ""] {
-            assert!(parse_noise(bad).is_err(), "{bad}");
-        }
-        assert_eq!(parse_aov_noise("normal=2%"), Ok((Aov::Normal, 0.02)));
-        for bad in ["normal", "depth=1%", "alpha=0", "=1", ""] {
-            assert!(parse_aov_noise(bad).is_err(), "{bad}");
-        }
-        assert!(parse_factor("inf").is_err() && parse_limit("inf") == Ok(f32::INFINITY));
-        assert_eq!(parse_time("90"), Ok(Duration::from_secs(90)));
-        assert_eq!(parse_time("1m 30s"), Ok(Duration::from_secs(90)));
-        assert_eq!(parse_time("0.5"), Ok(Duration::from_millis(500)));
-        for bad in ["0", "-3", "nan", "inf", "1e300", "soon", "0s"] {
-            assert!(parse_time(bad).is_err(), "{bad}");
-        }
-        assert!(parse_threads("0").is_err() && parse_threads("1025").is_err() && parse_threads("4").is_ok());
     }
 }

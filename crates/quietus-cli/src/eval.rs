@@ -6,18 +6,20 @@ use std::time::Duration;
 
 use clap::Args;
 use quietus_eval::{
-    EvalError, Look, Method, Reference, Study, StudySpec, Subject, cache_directory,
+    EvalError, FILTERS, Look, Method, Reference, Study, StudySpec, Subject, cache_directory,
     compare::{Comparison, compare},
     equivalence::{EquivalencePlan, equivalence},
-    goals::{Asked, GoalPlan, goal_runs},
+    goals::{Asked, GoalPlan, GoalRun, goal_runs},
     live::{Live, live},
     measure::Measure,
     report,
     sweep::{Plan, Series, sweep},
 };
 use quietus_film::{check_writable, write_atomically};
+use serde::Serialize;
 
-use crate::args::{parse_noise, parse_size, parse_time};
+use crate::args::MOST_DEPTH;
+use crate::args::values::{parse_noise, parse_size, parse_time, whole, within};
 use crate::error::{EXIT_CODES, Ending, Failure};
 use crate::say;
 
@@ -42,27 +44,27 @@ pub(crate) struct EvalArgs {
     size: [u32; 2],
 
     /// Sample sequences recorded for each pixel; half as many runs share no sample.
-    #[arg(long, value_name = "N", default_value_t = 16)]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = whole(1_u32))]
     streams: u32,
 
     /// Samples in each of them; a run takes at most twice as many per pixel. [default: 512; 64 with --equivalence]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole(1_u32))]
     samples: Option<u32>,
 
     /// Seed of the recorded samples.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0_u64))]
     seed: u64,
 
     /// Samples per pixel of the reference, drawn with other seeds.
-    #[arg(long, value_name = "N", default_value_t = 16384)]
+    #[arg(long, value_name = "N", default_value_t = 16384, value_parser = whole(1_u32))]
     reference_spp: u32,
 
     /// Longest path in segments from the camera.
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = within(1..=MOST_DEPTH))]
     max_depth: u32,
 
-    /// Pixel filter: box, gaussian or blackman-harris.
-    #[arg(long, value_name = "FILTER", default_value = "blackman-harris")]
+    /// Pixel filter: box, triangle, gaussian or blackman-harris; others have samples below 0, which are not recorded.
+    #[arg(long, value_name = "FILTER", default_value = "blackman-harris", value_parser = parse_filter)]
     filter: String,
 
     /// Where recorded samples and references are kept. [default: quietus/eval in $XDG_CACHE_HOME or ~/.cache]
@@ -80,15 +82,14 @@ pub(crate) struct EvalArgs {
     /// Samples per pixel at which they are compared. [default: 24,32,48,64,96,128,192,256, as far as samples
     /// reach]
     #[arg(long, value_name = "SPP,...", value_delimiter = ',', value_parser = parse_budget)]
-    #[arg(allow_negative_numbers = true)]
     budgets: Vec<f64>,
 
     /// Runs of each. [default: as many as share no sample]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole(1_u64))]
     runs: Option<u64>,
 
     /// Samples every pixel gets before any may stop. [default: 16]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole(1_u32))]
     min_samples: Option<u32>,
 
     /// Error measure of the table: mse, rel_mse, weighted or display.
@@ -117,7 +118,7 @@ pub(crate) struct EvalArgs {
     time: Vec<Duration>,
 
     /// Also render each live, so many times: CPU time, gain at equal time, and whether replays are what renders do.
-    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "equivalence")]
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "equivalence", value_parser = whole(0_u32))]
     live: u32,
 
     /// Write everything here, as JSON.
@@ -132,6 +133,12 @@ pub(crate) struct EvalArgs {
 fn parse_method(text: &str) -> Result<Method, String> {
     let names = || Method::ALL.map(Method::name).join(", ");
     Method::ALL.into_iter().find(|m| m.name() == text).ok_or_else(|| format!("expected one of {}", names()))
+}
+
+fn parse_filter(text: &str) -> Result<String, String> {
+    let names = || FILTERS.map(|(name, _)| name).join(", ");
+    let is_known = FILTERS.iter().any(|(name, _)| *name == text);
+    is_known.then(|| text.to_owned()).ok_or_else(|| format!("expected one of {}", names()))
 }
 
 fn parse_budget(text: &str) -> Result<f64, String> {
@@ -210,10 +217,7 @@ fn show_equivalence(args: &EvalArgs, method: Method) -> Result<Ending, Failure> 
         say::result(report::equivalence_table(&found));
         all.push(found);
     }
-    if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::internal(e.to_string()))?;
-        write(path, &text)?;
-    }
+    write_json(args, &all)?;
     Ok(Ending::Success)
 }
 
@@ -227,59 +231,90 @@ fn study_spec(args: &EvalArgs) -> StudySpec {
     }
 }
 
+/// Tables of what renders come to that are asked for noises and times: of noises, of what was foreseen of them, of times, and
+/// of what was foretold of noises.
+struct GoalTables([Vec<String>; 4]);
+
+impl GoalTables {
+    fn new() -> Self {
+        use report::goals::{FORESEEN_HEAD, FORETOLD_HEAD, NOISE_HEAD, TIME_HEAD};
+        Self([NOISE_HEAD, FORESEEN_HEAD, TIME_HEAD, FORETOLD_HEAD].map(|head| vec![head.to_owned()]))
+    }
+
+    fn add(&mut self, scene: &str, asked: Asked, runs: &[GoalRun]) {
+        use report::goals::{foreseen_row, foretold_row, noise_row, time_row};
+        match asked {
+            Asked::Noise(noise) => {
+                self.0[0].push(noise_row(scene, noise, runs));
+                self.0[1].push(foreseen_row(scene, noise, runs));
+                self.0[3].extend(foretold_row(scene, noise, runs));
+            }
+            Asked::Time(_) => self.0[2].push(time_row(scene, asked, runs)),
+        }
+        self.filled().for_each(|rows| say::aside(&rows[rows.len() - 1]));
+    }
+
+    /// Those with more than a head.
+    fn filled(&self) -> impl Iterator<Item = &Vec<String>> {
+        self.0.iter().filter(|rows| rows.len() > 1)
+    }
+}
+
 /// `--noise` and `--time`: what renders that are asked for them come to.
 fn show_goals(args: &EvalArgs) -> Result<Ending, Failure> {
-    use report::goals::{FORESEEN_HEAD, FORETOLD_HEAD, NOISE_HEAD, TIME_HEAD};
-    use report::goals::{foreseen_row, foretold_row, noise_row, time_row};
-    let heads = [NOISE_HEAD, FORESEEN_HEAD, TIME_HEAD, FORETOLD_HEAD];
-    let (mut all, mut rows) = (Vec::new(), heads.map(|head| vec![head.to_owned()]));
+    let (mut all, mut tables) = (Vec::new(), GoalTables::new());
     for source in &args.scenes {
         let subject = subject(source)?.as_shown();
-        let spec = study_spec(args);
-        let path = spec.shown_path(&args.cache.clone().unwrap_or_else(cache_directory), &subject.name);
-        let spec = spec.reference(&subject.name);
-        let drawing = || say::aside(format_args!("{source}: drawing the reference"));
-        let reference = Reference::open_or_render(&subject, &spec, &path, drawing)?;
-        let noises = args.noise.iter().map(|&noise| Asked::Noise(noise));
-        let mut before = None;
-        for asked in noises.chain(args.time.iter().map(|&time| Asked::Time(time))) {
-            let plan = GoalPlan {
-                asked,
-                runs: u32::try_from(args.runs.unwrap_or(20)).unwrap_or(u32::MAX),
-                time: args.noise_time,
-                seed: args.seed,
-                min_samples: args.min_samples.unwrap_or(16),
-                max_samples: args.samples.map_or(u32::MAX, |samples| samples.saturating_mul(2)),
-            };
-            if let (Asked::Noise(noise), Some(time)) = (asked, args.noise_time)
-                && is_too_long(before, noise, time)
-            {
-                say::aside(format_args!("{source}: {} % would take too long", 100.0 * noise));
-                continue;
-            }
-            let runs = goal_runs(&subject, &reference, &plan)?;
-            if let Asked::Noise(noise) = asked {
-                let longest = runs.iter().map(|run| run.seconds).fold(0.0, f64::max);
-                before = Some((noise, longest));
-            }
-            match asked {
-                Asked::Noise(noise) => {
-                    rows[0].push(noise_row(&subject.name, noise, &runs));
-                    rows[1].push(foreseen_row(&subject.name, noise, &runs));
-                    rows[3].extend(foretold_row(&subject.name, noise, &runs));
-                }
-                Asked::Time(_) => rows[2].push(time_row(&subject.name, asked, &runs)),
-            }
-            rows.iter().filter(|rows| rows.len() > 1).for_each(|rows| say::aside(&rows[rows.len() - 1]));
+        goals_of(args, source, &subject, |asked, runs| {
+            tables.add(&subject.name, asked, &runs);
             all.push((subject.name.clone(), runs));
-        }
+        })?;
     }
-    rows.iter().filter(|rows| rows.len() > 1).for_each(|rows| say::result(rows.join("\n") + "\n"));
-    if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::internal(e.to_string()))?;
-        write(path, &text)?;
-    }
+    tables.filled().for_each(|rows| say::result(rows.join("\n") + "\n"));
+    write_json(args, &all)?;
     Ok(Ending::Success)
+}
+
+/// Renders one scene to everything that is asked for, and hands over what each came to.
+fn goals_of(
+    args: &EvalArgs,
+    source: &str,
+    subject: &Subject,
+    mut take: impl FnMut(Asked, Vec<GoalRun>),
+) -> Result<(), Failure> {
+    let spec = study_spec(args);
+    let path = spec.shown_path(&args.cache.clone().unwrap_or_else(cache_directory), &subject.name);
+    let spec = spec.reference(&subject.name);
+    let drawing = || say::aside(format_args!("{source}: drawing the reference"));
+    let reference = Reference::open_or_render(subject, &spec, &path, drawing)?;
+    let noises = args.noise.iter().map(|&noise| Asked::Noise(noise));
+    let mut before = None;
+    for asked in noises.chain(args.time.iter().map(|&time| Asked::Time(time))) {
+        if let (Asked::Noise(noise), Some(time)) = (asked, args.noise_time)
+            && is_too_long(before, noise, time)
+        {
+            say::aside(format_args!("{source}: {} % would take too long", 100.0 * noise));
+            continue;
+        }
+        let runs = goal_runs(subject, &reference, &goal_plan(args, asked))?;
+        if let Asked::Noise(noise) = asked {
+            let longest = runs.iter().map(|run| run.seconds).fold(0.0, f64::max);
+            before = Some((noise, longest));
+        }
+        take(asked, runs);
+    }
+    Ok(())
+}
+
+fn goal_plan(args: &EvalArgs, asked: Asked) -> GoalPlan {
+    GoalPlan {
+        asked,
+        runs: u32::try_from(args.runs.unwrap_or(20)).unwrap_or(u32::MAX),
+        time: args.noise_time,
+        seed: args.seed,
+        min_samples: args.min_samples.unwrap_or(16),
+        max_samples: args.samples.map_or(u32::MAX, |samples| samples.saturating_mul(2)),
+    }
 }
 
 /// Whether renders to `noise` are expected to take more than twice `time`, where those to another noise took so many seconds.
@@ -348,11 +383,7 @@ fn plan(args: &EvalArgs, study: &Study) -> Plan {
 }
 
 fn write_reports(args: &EvalArgs, found: &[Found]) -> Result<(), Failure> {
-    if let Some(path) = &args.json {
-        let all: Vec<&Comparison> = found.iter().map(|f| &f.comparison).collect();
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Failure::internal(e.to_string()))?;
-        write(path, &text)?;
-    }
+    write_json(args, &found.iter().map(|f| &f.comparison).collect::<Vec<_>>())?;
     if let Some(path) = &args.html {
         let scenes: Vec<report::Scene<'_>> = found
             .iter()
@@ -365,6 +396,13 @@ fn write_reports(args: &EvalArgs, found: &[Found]) -> Result<(), Failure> {
         write(path, &report::html(&scenes, args.measure)?)?;
     }
     Ok(())
+}
+
+/// `--json`.
+fn write_json(args: &EvalArgs, all: &impl Serialize) -> Result<(), Failure> {
+    let Some(path) = &args.json else { return Ok(()) };
+    let text = serde_json::to_string_pretty(all).map_err(|error| Failure::internal(error.to_string()))?;
+    write(path, &text)
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Failure> {

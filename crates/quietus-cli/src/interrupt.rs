@@ -1,5 +1,5 @@
 //! Ctrl-C and other signals that ask the program to end: the first asks the render to stop, the next ends the program at
-//! once.
+//! once. While a scene is read there is nothing to write, and the first ends the program.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,25 +7,51 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::error::{Ending, Failure};
 use crate::say;
 
-/// Watches for signals from here on and returns the flag that the first one sets: on Unix SIGINT, SIGTERM, which render
-/// farms send, and SIGHUP, which comes when a terminal or its connection is closed; elsewhere Ctrl-C.
-///
-/// # Errors
-/// When the system does not let us.
-pub(crate) fn watch() -> Result<Arc<AtomicBool>, Failure> {
-    let asked = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&asked);
-    signals::watch(move |may_be_twice| {
-        // Relaxed: the flag guards no data.
-        if !flag.swap(true, Ordering::Relaxed) {
-            say::aside("stopping; the picture so far will be written (Ctrl-C again quits at once)");
-        } else if !may_be_twice {
-            quietus_film::remove_unfinished();
-            std::process::exit(Ending::Interrupted.code().into());
-        }
-    })
-    .map_err(|error| Failure::internal(format!("cannot watch for Ctrl-C: {error}")))?;
-    Ok(asked)
+/// Signals that were watched for.
+pub(crate) struct Interrupts {
+    /// Set by the first signal.
+    asked: Arc<AtomicBool>,
+    /// Whether there is a render that can stop and be written.
+    draws: Arc<AtomicBool>,
+}
+
+impl Interrupts {
+    /// Watches for signals from here on: on Unix SIGINT, SIGTERM, which render farms send, and SIGHUP, which comes when a
+    /// terminal or its connection is closed; elsewhere Ctrl-C.
+    ///
+    /// # Errors
+    /// When the system does not let us.
+    pub(crate) fn watch() -> Result<Self, Failure> {
+        let this = Self { asked: Arc::default(), draws: Arc::default() };
+        let (asked, draws) = (Arc::clone(&this.asked), Arc::clone(&this.draws));
+        signals::watch(move |may_be_twice| {
+            // Relaxed: the flags guard no data, here and below.
+            if !draws.load(Ordering::Relaxed) {
+                say::aside("stopped before there was a picture to write");
+                quit();
+            }
+            if !asked.swap(true, Ordering::Relaxed) {
+                say::aside("stopping; the picture so far will be written (Ctrl-C again quits at once)");
+            } else if !may_be_twice {
+                quit();
+            }
+        })
+        .map_err(|error| Failure::internal(format!("cannot watch for Ctrl-C: {error}")))?;
+        Ok(this)
+    }
+
+    /// Calls `draw` with the flag that the first signal sets from here on; until then it ends the program.
+    pub(crate) fn while_drawing<T>(&self, draw: impl FnOnce(&AtomicBool) -> T) -> T {
+        self.draws.store(true, Ordering::Relaxed);
+        let drawn = draw(&self.asked);
+        self.draws.store(false, Ordering::Relaxed);
+        drawn
+    }
+}
+
+fn quit() -> ! {
+    quietus_film::remove_unfinished();
+    std::process::exit(Ending::Interrupted.code().into())
 }
 
 #[cfg(unix)]

@@ -9,7 +9,7 @@ use quietus_film::{Layout, Metadata, OutputError};
 use quietus_render::checkpoint::{Checkpoint, FileMark, Header, Identity, Keeper, PROGRAM, RenderState};
 use quietus_render::{Keeping, Recording, RecordingFile, Sampling};
 
-use crate::args::parse_time;
+use crate::args::values::parse_time;
 use crate::error::Failure;
 use crate::plan::Plan;
 use crate::say;
@@ -24,7 +24,7 @@ pub(crate) struct KeepingArgs {
     pub checkpoint: Option<PathBuf>,
 
     /// How often. [default: 5m]
-    #[arg(long, value_name = "TIME", requires = "checkpoint", value_parser = parse_time)]
+    #[arg(long, value_name = "DURATION", requires = "checkpoint", value_parser = parse_time)]
     pub checkpoint_every: Option<Duration>,
 
     /// Go on from the file of --checkpoint, where there is one; the noise asked for may be lower. The picture will have the

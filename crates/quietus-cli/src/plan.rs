@@ -105,7 +105,7 @@ impl Plan {
             weights: None,
             aov_noise: aov_noise(args),
         };
-        let depth = picture.max_depth.map(|depth| depth.clamp(1, MOST_DEPTH as u32));
+        let depth = picture.max_depth.map(|depth| depth.clamp(1, MOST_DEPTH));
         let look = Look {
             max_depth: args.max_depth.or(depth).unwrap_or(MAX_DEPTH),
             filter: args.filter.map(filter).or(picture.filter).unwrap_or_default(),

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use quietus_film::{Layout, Metadata, Window};
 use quietus_render::{
-    Control, Fault, Goal, PathTracer, RenderError, RenderSettings, Rendered, StoppedBy, Watched, go_on,
+    Control, Goal, PathTracer, RenderError, RenderSettings, Rendered, StoppedBy, Watched, go_on,
     noise::measure_noise, render_keeping,
 };
 use quietus_trace::desc::{Camera, SceneDesc};
@@ -16,11 +16,12 @@ use quietus_trace::view::{View, ViewError};
 use crate::args::RenderArgs;
 use crate::closing::{ending, summary, warn_of_rejected};
 use crate::error::{Ending, Failure};
-use crate::interrupt;
+use crate::interrupt::Interrupts;
 use crate::outputs::Outputs;
 use crate::plan::{Decided, Look, Plan};
 use crate::progress::{Measure, ProgressArg};
-use crate::report::{Settings, name};
+use crate::replay::fault_message;
+use crate::report::Settings;
 use crate::say;
 use crate::source::{Source, scene_name};
 use crate::viewing::{Viewing, goes_by_noise};
@@ -114,19 +115,17 @@ pub(crate) fn run(args: &RenderArgs, stays: bool) -> Result<Ending, Failure> {
     let plan = Plan::new(args)?;
     args.keeping.check(&plan)?;
     let start = Instant::now();
+    let interrupts = Interrupts::watch()?;
     let mut source = tracing::info_span!("open").in_scope(|| Source::open(args, plan.timeline.as_ref()))?;
-    let cancel = interrupt::watch()?;
     let mut viewing = Viewing::start(args, stays)?;
-    let Some(timeline) = &plan.timeline else {
-        let mut ready = prepare(args, &plan, &mut source, None, start)?;
-        return picture(args, &plan, &mut ready, None, &cancel, viewing.as_mut());
+    let mut picture = |frame: Option<u32>, start: Instant| {
+        let mut ready = prepare(args, &plan, &mut source, frame, start)?;
+        interrupts.while_drawing(|cancel| picture(args, &plan, &mut ready, frame, cancel, viewing.as_mut()))
     };
+    let Some(timeline) = &plan.timeline else { return picture(None, start) };
     let mut start = Some(start);
     for frame in timeline.frames() {
-        let start = start.take().unwrap_or_else(Instant::now);
-        let mut ready = prepare(args, &plan, &mut source, Some(frame), start)?;
-        let ending = picture(args, &plan, &mut ready, Some(frame), &cancel, viewing.as_mut())?;
-        if ending == Ending::Interrupted {
+        if picture(Some(frame), start.take().unwrap_or_else(Instant::now))? == Ending::Interrupted {
             return Ok(Ending::Interrupted);
         }
     }
@@ -174,7 +173,7 @@ pub(crate) fn keep(
 }
 
 /// Makes the scene of `frame` ready, whose loading began at `start`.
-fn prepare(
+pub(crate) fn prepare(
     args: &RenderArgs,
     plan: &Plan,
     source: &mut Source,
@@ -259,16 +258,10 @@ pub(crate) fn draw(
 ) -> Result<Rendered, Failure> {
     let tracer = PathTracer { scene: &ready.scene, view: &ready.view };
     let settings = &ready.settings;
-    let subject = Subject {
-        name: format!("{}{}", scene_name(args), frame.map_or_else(String::new, |f| format!(", frame {f}"))),
-        measure: measure(settings),
-        outputs: outputs(args, plan, ready, frame).pictures,
-        metadata: ready.report.metadata(),
-    };
     let named = |path: &PathBuf| plan.name(path, frame);
     let is_first = before.is_none() && !ready.is_changed;
     let mut keeping = args.keeping.keeping(named, ready.identity(), &settings.layout()?, is_first)?;
-    let mut onlookers = Onlookers::new(&args.watching, subject);
+    let mut onlookers = Onlookers::new(&args.watching, subject(args, plan, ready, frame));
     let (stop, live) = viewing.as_ref().map(|viewing| viewing.handles()).unzip();
     let mut watch = |watched: &Watched<'_>| {
         onlookers.look(watched);
@@ -285,12 +278,7 @@ pub(crate) fn draw(
     };
     drop(rendering);
     onlookers.leave(outcome.as_ref().ok().map(|rendered| &rendered.film));
-    let mut rendered = outcome.map_err(|error| match error {
-        RenderError::Panicked(fault) => {
-            Failure::internal(fault_message(args, settings, ready.look.max_depth, frame, &fault))
-        }
-        other => other.into(),
-    })?;
+    let mut rendered = outcome.map_err(|error| failure(error, args, ready, frame))?;
     // Whose time is up, or who is interrupted, wants the picture now.
     if rendered.stopped_by == StoppedBy::Done
         && rendered.noise.is_none()
@@ -314,76 +302,24 @@ fn measure(settings: &RenderSettings) -> Measure {
     }
 }
 
-/// Names the sample that panicked, and the command that draws its pixel alone up to that sample. Replicates take
-/// turns, so sample i of any of R replicates is drawn once the pixel has R (i + 1) samples.
-fn fault_message(
-    args: &RenderArgs,
-    settings: &RenderSettings,
-    max_depth: u32,
-    frame: Option<u32>,
-    fault: &Fault,
-) -> String {
-    let Fault { x, y, replicate, index, message } = fault;
-    let mut command = vec!["quietus render".to_owned()];
-    if args.fixed_seed {
-        command.push("--fixed-seed".to_owned());
+/// What watchers are told of the render before it begins.
+fn subject(args: &RenderArgs, plan: &Plan, ready: &Ready, frame: Option<u32>) -> Subject {
+    Subject {
+        name: format!("{}{}", scene_name(args), frame.map_or_else(String::new, |f| format!(", frame {f}"))),
+        measure: measure(&ready.settings),
+        outputs: outputs(args, plan, ready, frame).pictures,
+        metadata: ready.report.metadata(),
     }
-    let mut flag = |name: &str, value: String| command.push(format!("{name}{}", quoted(&value)));
-    if let Some(scene) = &args.scene {
-        flag("", scene.display().to_string());
-    }
-    if let Some(camera) = &args.camera {
-        flag("--camera ", camera.clone());
-    }
-    if let Some(scene) = &args.scene_in_file {
-        flag("--scene ", scene.clone());
-    }
-    if let Some(variant) = &args.variant {
-        flag("--variant ", variant.clone());
-    }
-    if let Some(env) = &args.env {
-        flag("--env ", env.display().to_string());
-    }
-    if let Some(frame) = frame {
-        flag("--frame ", frame.to_string());
-        args.fps.iter().for_each(|fps| flag("--fps ", fps.to_string()));
-        args.shutter.iter().for_each(|shutter| flag("--shutter ", shutter.to_string()));
-        args.animation.iter().for_each(|animation| flag("--animation ", animation.clone()));
-    }
-    flag("--size ", format!("{}x{}", settings.frame[0], settings.frame[1]));
-    flag("--crop ", format!("{x},{y},{},{}", x + 1, y + 1));
-    flag("--spp ", (2 * (u64::from(*index) + 1)).to_string());
-    flag("--max-depth ", max_depth.to_string());
-    if let Some(filter) = args.filter {
-        flag("--filter ", name(filter));
-    }
-    if let Some(exposure) = args.exposure() {
-        flag("--exposure ", exposure.to_string());
-    }
-    if let Some(limit) = args.max_component {
-        flag("--max-component ", limit.to_string());
-    }
-    if let Some(limit) = args.clamp_indirect {
-        flag("--clamp-indirect ", limit.to_string());
-    }
-    flag("--seed ", args.seed.to_string());
-    flag("--threads ", "1".to_owned());
-    flag("-o ", "replay.exr".to_owned());
-    format!(
-        "the tracer panicked at pixel ({x}, {y}), replicate {replicate}, sample {index}, seed {}: {message}\n\
-         this draws the pixel alone: {}",
-        args.seed,
-        command.join(" ")
-    )
 }
 
-/// For a POSIX shell.
-fn quoted(text: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./,+:@%".contains(c);
-    if !text.is_empty() && text.chars().all(plain) {
-        return text.to_owned();
+/// Why a render failed; where it was the program's fault, with the command that shows it again.
+fn failure(error: RenderError, args: &RenderArgs, ready: &Ready, frame: Option<u32>) -> Failure {
+    match error {
+        RenderError::Panicked(fault) => {
+            Failure::internal(fault_message(args, &ready.settings, ready.look.max_depth, frame, &fault))
+        }
+        other => other.into(),
     }
-    format!("'{}'", text.replace('\'', r"'\''"))
 }
 
 /// The files that are asked for.
@@ -395,82 +331,5 @@ fn outputs<'a>(args: &RenderArgs, plan: &Plan, ready: &'a Ready, frame: Option<u
         stats: args.stats.as_ref().map(named),
         settings: &ready.report,
         load_seconds: ready.load_seconds,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use clap::Parser;
-    use quietus_trace::desc::PictureDefaults;
-
-    use super::*;
-    use crate::args::{Cli, Command};
-
-    fn parse(words: &[&str]) -> RenderArgs {
-        match Cli::try_parse_from(words).unwrap().command {
-            Some(Command::Render(args)) => *args,
-            other => panic!("not a render: {other:?}"),
-        }
-    }
-
-    #[test]
-    fn a_panic_comes_with_the_command_that_draws_its_pixel_alone() {
-        let dir = tempfile::tempdir().unwrap();
-        let out = dir.path().join("a.png");
-        let args = parse(&[
-            "quietus",
-            "render",
-            "my scene.glb",
-            "--seed",
-            "42",
-            "--max-depth",
-            "5",
-            "--filter",
-            "box",
-            "-o",
-            out.to_str().unwrap(),
-        ]);
-        let camera = quietus_scene::embedded().cameras.remove(0);
-        let picture = PictureDefaults::default();
-        let decided = Plan::new(&args).unwrap().decide(&args, &camera, &picture).unwrap();
-        let fault = Fault { x: 7, y: 9, replicate: 1, index: 20, message: "oh".to_owned() };
-        let message = fault_message(&args, &decided.settings, decided.look.max_depth, None, &fault);
-        let expected = "the tracer panicked at pixel (7, 9), replicate 1, sample 20, seed 42: oh\n\
-                        this draws the pixel alone: quietus render 'my scene.glb' --size 640x360 --crop 7,9,8,10 \
-                        --spp 42 --max-depth 5 --filter box --seed 42 --threads 1 -o replay.exr";
-        assert_eq!(message, expected);
-        let command = message.rsplit(": ").next().unwrap().replace("'my scene.glb'", "scene.glb");
-        let replay = parse(&command.split(' ').collect::<Vec<_>>());
-        assert_eq!(replay.crop, Some(Window { x0: 7, y0: 9, x1: 8, y1: 10 }));
-        assert_eq!((replay.spp, replay.seed, replay.filter), (Some(42), 42, args.filter));
-    }
-
-    #[test]
-    fn the_command_printed_draws_the_sample_that_panicked() {
-        let args = parse(&["quietus", "render", "--size", "24x16", "--seed", "3", "--camera", "main"]);
-        let (plan, fault) =
-            (Plan::new(&args).unwrap(), Fault { x: 7, y: 9, replicate: 1, index: 20, message: "oh".into() });
-        let prepared = |args: &RenderArgs, plan: &Plan| {
-            let mut source = Source::open(args, None).unwrap();
-            prepare(args, plan, &mut source, None, Instant::now()).unwrap()
-        };
-        let ready = prepared(&args, &plan);
-        let message = fault_message(&args, &ready.settings, ready.look.max_depth, None, &fault);
-        let replay = parse(&message.rsplit(": ").next().unwrap().split(' ').collect::<Vec<_>>());
-        let ready = prepared(&replay, &Plan::new(&replay).unwrap());
-        let plan = Plan::new(&replay).unwrap();
-        let cancel = AtomicBool::new(false);
-        let audience = Audience { cancel: &cancel, viewing: None };
-        let rendered = draw(&replay, &plan, &ready, None, audience, None).unwrap();
-        // Two replicates of 21 samples each: the last one is number 20.
-        assert_eq!((rendered.film.sample_counts(), rendered.statistics.samples), (vec![42], 42));
-        assert_eq!(ready.settings.window, Window { x0: 7, y0: 9, x1: 8, y1: 10 });
-    }
-
-    #[test]
-    fn names_are_quoted_for_the_shell_where_needed() {
-        assert_eq!(quoted("a/b-1.glb"), "a/b-1.glb");
-        assert_eq!(quoted("it's"), r"'it'\''s'");
-        assert_eq!(quoted(""), "''");
     }
 }

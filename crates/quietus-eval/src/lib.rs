@@ -49,4 +49,4 @@ pub use picture::Picture;
 pub use reference::{Reference, ReferenceSpec};
 pub use replay::{Replay, replay};
 pub use study::{Study, StudySpec};
-pub use subject::{Look, Subject};
+pub use subject::{FILTERS, Look, Subject};

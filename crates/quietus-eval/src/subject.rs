@@ -23,6 +23,14 @@ pub struct Subject {
     exposure: Vec3,
 }
 
+/// Filters by their names: those that are nowhere negative, as recorded samples are.
+pub const FILTERS: [(&str, Filter); 4] = [
+    ("box", Filter::BOX),
+    ("triangle", Filter::TRIANGLE),
+    ("gaussian", Filter::GAUSSIAN),
+    ("blackman-harris", Filter::BLACKMAN_HARRIS),
+];
+
 /// How a subject is looked at. Pictures with equal looks can be compared.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Look {
@@ -32,7 +40,7 @@ pub struct Look {
     pub height: u32,
     /// Path segments from the camera.
     pub max_depth: u32,
-    /// `box`, `gaussian` or `blackman-harris`.
+    /// A name of [`FILTERS`].
     pub filter: String,
 }
 
@@ -48,16 +56,11 @@ impl Look {
     }
 
     fn filter(&self) -> Result<Filter, EvalError> {
-        match self.filter.as_str() {
-            "box" => Ok(Filter::BOX),
-            "gaussian" => Ok(Filter::GAUSSIAN),
-            "blackman-harris" => Ok(Filter::BLACKMAN_HARRIS),
-            other => {
-                let message =
-                    format!("unknown filter \"{other}\": expected box, gaussian or blackman-harris");
-                Err(EvalError::Request(message))
-            }
-        }
+        let found = FILTERS.into_iter().find(|(name, _)| *name == self.filter);
+        found.map(|(_, filter)| filter).ok_or_else(|| {
+            let names = FILTERS.map(|(name, _)| name).join(", ");
+            EvalError::Request(format!("unknown filter \"{}\": expected one of {names}", self.filter))
+        })
     }
 }
 

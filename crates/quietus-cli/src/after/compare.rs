@@ -10,6 +10,7 @@ use quietus_film::{read_exr_planes, write_rgb_png};
 use serde::Serialize;
 
 use super::heat::{HeatMap, Scale};
+use crate::args::values::whole;
 use crate::error::{EXIT_CODES, Ending, Failure};
 use crate::say;
 
@@ -43,7 +44,7 @@ pub(crate) struct CompareArgs {
     pub max_flip: Option<f64>,
 
     /// How many of the worst 8x8 tiles to list.
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole(0_usize))]
     pub tiles: usize,
 
     /// Print JSON instead of text.

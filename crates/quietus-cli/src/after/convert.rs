@@ -9,7 +9,7 @@ use quietus_film::{
 };
 
 use super::heat::{HeatMap, Scale};
-use crate::args::{parse_factor, parse_stops};
+use crate::args::values::{parse_factor, parse_stops};
 use crate::error::{EXIT_CODES, Ending, Failure};
 use crate::say;
 
@@ -41,7 +41,7 @@ pub(crate) struct ConvertArgs {
     pub exposure: Option<f32>,
 
     /// The same in stops: each doubles or halves the light.
-    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "exposure", value_parser = parse_stops)]
+    #[arg(long, value_name = "N", conflicts_with = "exposure", value_parser = parse_stops)]
     pub stops: Option<f32>,
 
     /// How light becomes the codes of a PNG file. [default: srgb]

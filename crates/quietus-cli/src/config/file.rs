@@ -93,7 +93,9 @@ fn find<'a>(command: &'a Command, name: &str) -> Result<&'a Arg, String> {
     let found = flags().find(|arg| arg.get_long() == Some(name));
     found.ok_or_else(|| {
         let near = nearest(name, flags().filter_map(Arg::get_long));
-        format!("`quietus {}` has no setting `{name}`{near}", command.get_name())
+        let is_positional = command.get_positionals().any(|arg| arg.get_id() == name);
+        let instead = if is_positional { ", which goes on the command line" } else { "" };
+        format!("`quietus {}` has no setting `{name}`{instead}{near}", command.get_name())
     })
 }
 
@@ -164,7 +166,14 @@ mod tests {
             ("\nseed = 1", "2: `seed` stands under no command: expected a line such as [render] above it"),
             ("[rendr]\n", "1: no command is called `rendr`; is `render` meant?"),
             ("[render]\nthread = 3", "2: `quietus render` has no setting `thread`; is `threads` meant?"),
-            ("[compare]\nfirst = 'a.exr'", "2: `quietus compare` has no setting `first`"),
+            (
+                "[compare]\nfirst = 'a.exr'",
+                "2: `quietus compare` has no setting `first`, which goes on the command line",
+            ),
+            (
+                "[render]\nscene = 'a.glb'",
+                "2: `quietus render` has no setting `scene`, which goes on the command line; is `scene-in-file` meant?",
+            ),
             ("[render]\nconfig = 'a'", "2: `quietus render` has no setting `config`"),
             ("[render]\n\nunbiased = 'yes'", "3: `unbiased`: expected true or false, found string"),
             ("[render]\nseed = [1]", "2: `seed`: expected text or a number, found array"),

@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 
 use clap::error::{ContextKind, ContextValue};
 use clap::parser::ValueSource;
-use clap::{Arg, ArgMatches, Command, CommandFactory, FromArgMatches};
+use clap::{Arg, ArgMatches, Command, FromArgMatches};
 
 use self::file::Setting;
-use crate::args::Cli;
+use crate::args::{Cli, program};
 use crate::error::Failure;
 use crate::say;
 
@@ -55,9 +55,9 @@ pub(crate) fn complete(mut words: Vec<OsString>) -> Result<Complete, Failure> {
     let Some(path) = (if first.no_config { None } else { find(first.config.as_deref()) }) else {
         return Ok(Complete { cli: first, origin: format!("no {NAME} is used"), has_settings: false });
     };
-    let settings = file::read(&path, &Cli::command())?;
+    let settings = file::read(&path, &program())?;
     let (name, given) = matches.subcommand().unwrap_or_else(|| unreachable!("a command was added"));
-    let command = Cli::command();
+    let command = program();
     let command = command.find_subcommand(name).unwrap_or_else(|| unreachable!("it was parsed"));
     let own = |setting: &Setting| setting.command == name;
     let own_names: Vec<_> = settings.iter().filter(|s| own(s)).map(|s| s.name.clone()).collect();
@@ -82,7 +82,7 @@ fn is_file_name(word: &str) -> bool {
 }
 
 fn parse(words: &[OsString]) -> Result<ArgMatches, clap::Error> {
-    Cli::command().try_get_matches_from(words)
+    program().try_get_matches_from(words)
 }
 
 /// The file to read: the one that is named, else the first that is there.
@@ -144,7 +144,7 @@ pub(crate) fn show(cli: &Cli) -> Result<(), Failure> {
         say::result(format_args!("no settings file; looked for {}", places.join(" and ")));
         return Ok(());
     };
-    let settings = file::read(&path, &Cli::command())?;
+    let settings = file::read(&path, &program())?;
     say::result(format_args!("{}", path.display()));
     for Setting { command, line, words, .. } in &settings {
         say::result(format_args!("{line:>4}  quietus {command} {}", words.join(" ")));

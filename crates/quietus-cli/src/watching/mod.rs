@@ -14,7 +14,7 @@ use quietus_render::Watched;
 use self::courier::Courier;
 use self::saver::Saver;
 use self::tev::Tev;
-use crate::args::parse_time;
+use crate::args::values::parse_time;
 use crate::progress::{Measure, ProgressArg, Reporter};
 use crate::say;
 

@@ -39,6 +39,14 @@ pub fn table(comparison: &Comparison, measure: Measure) -> String {
             number(curve.ray_limits.map(|limits| limits.knowing), 3)
         );
     }
+    head(&mut text, measure);
+    for point in &comparison.points {
+        row(&mut text, point, measure);
+    }
+    text
+}
+
+fn head(text: &mut String, measure: Measure) {
     let _ = writeln!(
         text,
         "{:<13}{:>7}{:>10} {:>10} {:>20} {:>7} {:>7} {:>8} {:>7} {:>7} {:>7} {:>16} {:>16} {:>18} {:>17} {:>6} {:>7} {:>8} {:>12} {:>10} {:>20} {:>5}",
@@ -65,10 +73,6 @@ pub fn table(comparison: &Comparison, measure: Measure) -> String {
         "gain in time",
         "live"
     );
-    for point in &comparison.points {
-        row(&mut text, point, measure);
-    }
-    text
 }
 
 fn row(text: &mut String, point: &Point, measure: Measure) {

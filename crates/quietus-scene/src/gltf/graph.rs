@@ -28,22 +28,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Stage, SceneError> {
     if clips.iter().any(Clip::changes_visibility) {
         seen.fill(true);
     }
-    let nodes = hierarchy.indices().map(|index| &document.root.nodes[index]);
-    let mut reader = Reader {
-        document: &document,
-        hierarchy: &hierarchy,
-        materials: Materials::new(&document),
-        figures: HashMap::new(),
-        skinned: nodes.filter(|node| node.skin.is_some()).filter_map(|node| node.mesh).collect(),
-        skins: HashMap::new(),
-        models: Vec::new(),
-        cameras: Vec::new(),
-        names: HashMap::new(),
-        lights: Vec::new(),
-        camera_sources: Vec::new(),
-        light_sources: Vec::new(),
-        seen,
-    };
+    let mut reader = Reader::new(&document, &hierarchy, seen);
     for (slot, index) in hierarchy.indices().enumerate() {
         reader.read_node(slot, index)?;
     }
@@ -104,7 +89,27 @@ struct Reader<'d, 'f> {
     seen: Vec<bool>,
 }
 
-impl Reader<'_, '_> {
+impl<'d, 'f> Reader<'d, 'f> {
+    /// One that has read nothing yet.
+    fn new(document: &'d Document<'f>, hierarchy: &'d Hierarchy, seen: Vec<bool>) -> Self {
+        let nodes = hierarchy.indices().map(|index| &document.root.nodes[index]);
+        Self {
+            document,
+            hierarchy,
+            materials: Materials::new(document),
+            figures: HashMap::new(),
+            skinned: nodes.filter(|node| node.skin.is_some()).filter_map(|node| node.mesh).collect(),
+            skins: HashMap::new(),
+            models: Vec::new(),
+            cameras: Vec::new(),
+            names: HashMap::new(),
+            lights: Vec::new(),
+            camera_sources: Vec::new(),
+            light_sources: Vec::new(),
+            seen,
+        }
+    }
+
     fn read_node(&mut self, slot: usize, index: usize) -> Result<(), SceneError> {
         let document = self.document;
         let node = &document.root.nodes[index];

@@ -75,11 +75,15 @@ pub(super) fn scene(mut draft: Draft, images: Requests, context: &Context) -> Re
     scene.textures = materials.textures.finish(&images);
     scene.media = media.list;
     lights.finish(&images, context, &mut scene)?;
+    warn_of_darkness(&scene, context);
+    Ok(scene)
+}
+
+fn warn_of_darkness(scene: &SceneDesc, context: &Context) {
     let emits = |material: &Material| material.emission.factor.max_element() > 0.0;
     if scene.lights.is_empty() && scene.environment.is_none() && !scene.materials.iter().any(emits) {
         context.warn_all("the scene has no light: its picture is black");
     }
-    Ok(scene)
 }
 
 /// What part of the motion in the file the open shutter sees.

@@ -54,9 +54,7 @@ pub(super) fn read(
     let aspect = size[0] as f32 / size[1] as f32;
     let scale = camera_scale(params, to_world, context);
     let mut turned = upright(to_world);
-    let mut lens_radius =
-        params.float_where("lensradius", 0.0, |radius| radius >= 0.0, "at least 0")? * scale;
-    let mut focus = params.float_where("focaldistance", 1e6, |distance| distance > 0.0, "above 0")? * scale;
+    let (mut lens_radius, mut focus) = thin_lens(params, scale)?;
     let mut screen = Screen::default();
     let mut lenses = None;
     let projection = match &*entity.kind {
@@ -68,18 +66,7 @@ pub(super) fn read(
             screen = Screen::read(params, aspect)?;
             Projection::Orthographic { extent: 2.0 * screen.extent * scale, axis: screen.axis }
         }
-        "spherical" => {
-            let mapping = params.choice("mapping", &["equalarea", "equirectangular"])?;
-            params.ignore(&["frameaspectratio", "screenwindow"]);
-            if mapping == "equalarea" {
-                Projection::EqualArea
-            } else {
-                // The middle of the picture looks along -x of the camera's space.
-                let axes = DMat3::from_cols(DVec3::NEG_Z, DVec3::Y, DVec3::NEG_X);
-                turned = turned.after(Moving::still(DAffine3::from_mat3(axes)));
-                Projection::Spherical
-            }
-        }
+        "spherical" => all_round(params, &mut turned)?,
         "realistic" => {
             let lens = lens.unwrap_or_else(|| unreachable!("realistic cameras have lenses"));
             (lens_radius, focus) = (scale * lens.thin.radius as f32, scale * lens.thin.object as f32);
@@ -106,6 +93,26 @@ pub(super) fn read(
         focus_distance: focus,
         medium,
     })
+}
+
+/// Radius and distance of focus of a lens without thickness.
+fn thin_lens(params: &Params, scale: f32) -> Result<(f32, f32)> {
+    let radius = params.float_where("lensradius", 0.0, |radius| radius >= 0.0, "at least 0")?;
+    let focus = params.float_where("focaldistance", 1e6, |distance| distance > 0.0, "above 0")?;
+    Ok((radius * scale, focus * scale))
+}
+
+/// A camera that sees every direction; `turned` is its transform, which the mapping may turn.
+fn all_round(params: &Params, turned: &mut Moving) -> Result<Projection> {
+    let mapping = params.choice("mapping", &["equalarea", "equirectangular"])?;
+    params.ignore(&["frameaspectratio", "screenwindow"]);
+    if mapping == "equalarea" {
+        return Ok(Projection::EqualArea);
+    }
+    // The middle of the picture looks along -x of the camera's space.
+    let axes = DMat3::from_cols(DVec3::NEG_Z, DVec3::Y, DVec3::NEG_X);
+    *turned = turned.after(Moving::still(DAffine3::from_mat3(axes)));
+    Ok(Projection::Spherical)
 }
 
 /// How much longer lengths of the camera's space are in the world.

@@ -19,22 +19,8 @@ impl Parser<'_> {
                 self.concat(DAffine3::from_translation(offset), place)?;
             }
             "Scale" => self.concat(DAffine3::from_scale(DVec3::from_array(numbers(word, lexer)?)), place)?,
-            "Rotate" => {
-                let [degrees, x, y, z] = numbers(word, lexer)?;
-                let axis = DVec3::new(x, y, z).try_normalize();
-                let axis = axis.ok_or_else(|| Fault::invalid(place, "Rotate around an axis of length 0"))?;
-                self.concat(DAffine3::from_axis_angle(axis, degrees.to_radians()), place)?;
-            }
-            "LookAt" => {
-                let [eye, target, up] = points(numbers::<9>(word, lexer)?);
-                let view = look_at(eye, target, up).ok_or_else(|| {
-                    Fault::invalid(
-                        place,
-                        "LookAt expects an eye, another point, and an up that is not between them",
-                    )
-                })?;
-                self.concat(view, place)?;
-            }
+            "Rotate" => self.rotate(place, lexer)?,
+            "LookAt" => self.look_at(place, lexer)?,
             "Transform" => {
                 let matrix = matrix(word, place, lexer)?;
                 self.set(Moving::still(matrix));
@@ -47,34 +33,55 @@ impl Parser<'_> {
                 let name = string(word, lexer)?;
                 self.spaces.insert(name.into(), self.state.to_world);
             }
-            "CoordSysTransform" => {
-                let at = lexer.place();
-                let name = string(word, lexer)?;
-                let Some(space) = self.spaces.get(&*name) else {
-                    let known: Vec<&str> = self.spaces.keys().map(|name| &**name).collect();
-                    return Err(Fault::invalid(at, unknown("coordinate system", &name, &known)));
-                };
-                // As in pbrt, whatever the active time.
-                self.state.to_world = *space;
-            }
-            "ActiveTransform" => {
-                let (token, at) = required(word, lexer)?;
-                self.state.active = match token {
-                    Token::Word("StartTime") => [true, false],
-                    Token::Word("EndTime") => [false, true],
-                    Token::Word("All") => [true, true],
-                    other => {
-                        let message = format!("{}, expected StartTime, EndTime or All", other.describe());
-                        return Err(Fault::syntax(at, message));
-                    }
-                };
-            }
+            "CoordSysTransform" => self.return_to(lexer)?,
+            "ActiveTransform" => self.activate(lexer)?,
             "TransformTimes" => self.draft.times = Some(numbers::<2>(word, lexer)?.map(|time| time as f32)),
             "WorldEnd" => {
                 self.context.warn(place, "WorldEnd is not part of pbrt-v4; it is passed over");
             }
             _ => return Err(Fault::invalid(place, unknown("directive", word, &DIRECTIVES))),
         }
+        Ok(())
+    }
+
+    fn rotate(&mut self, place: Place, lexer: &mut Lexer<'_>) -> Result<()> {
+        let [degrees, x, y, z] = numbers("Rotate", lexer)?;
+        let axis = DVec3::new(x, y, z).try_normalize();
+        let axis = axis.ok_or_else(|| Fault::invalid(place, "Rotate around an axis of length 0"))?;
+        self.concat(DAffine3::from_axis_angle(axis, degrees.to_radians()), place)
+    }
+
+    fn look_at(&mut self, place: Place, lexer: &mut Lexer<'_>) -> Result<()> {
+        let [eye, target, up] = points(numbers::<9>("LookAt", lexer)?);
+        let message = "LookAt expects an eye, another point, and an up that is not between them";
+        let view = look_at(eye, target, up).ok_or_else(|| Fault::invalid(place, message))?;
+        self.concat(view, place)
+    }
+
+    /// To a space that has a name.
+    fn return_to(&mut self, lexer: &mut Lexer<'_>) -> Result<()> {
+        let at = lexer.place();
+        let name = string("CoordSysTransform", lexer)?;
+        let Some(space) = self.spaces.get(&*name) else {
+            let known: Vec<&str> = self.spaces.keys().map(|name| &**name).collect();
+            return Err(Fault::invalid(at, unknown("coordinate system", &name, &known)));
+        };
+        // As in pbrt, whatever the active time.
+        self.state.to_world = *space;
+        Ok(())
+    }
+
+    fn activate(&mut self, lexer: &mut Lexer<'_>) -> Result<()> {
+        let (token, at) = required("ActiveTransform", lexer)?;
+        self.state.active = match token {
+            Token::Word("StartTime") => [true, false],
+            Token::Word("EndTime") => [false, true],
+            Token::Word("All") => [true, true],
+            other => {
+                let message = format!("{}, expected StartTime, EndTime or All", other.describe());
+                return Err(Fault::syntax(at, message));
+            }
+        };
         Ok(())
     }
 

@@ -6,7 +6,7 @@ use std::cell::Cell;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::{Affine2, Affine3A, DAffine3, DVec3, Vec2, Vec3};
+use glam::{Affine2, Vec3};
 use quietus_trace::desc::{
     ColorParam, Image, ImageTexture, Mapping, NoisePattern, ScalarParam, TexelFilter, Texels, Texture,
     TextureId, Wrap,
@@ -16,6 +16,7 @@ use quietus_trace::texture::{TextureError, TextureTable};
 use super::draft::TextureEntity;
 use super::fault::{Context, Fault, Place, Result, unknown};
 use super::images::{Channels, ImageId, Images, Requests, Use};
+use super::mapping::{board_mapping, from_world, mapping, picture_mapping, upwards, wrap};
 use super::params::{Kind, Param, Params, Values};
 use super::spectrum::{self, Spectrum};
 use super::transform::single;
@@ -321,59 +322,57 @@ impl<'c> Textures<'c> {
 
     /// A pattern without a picture.
     fn pattern(&self, texture: &TextureEntity) -> Result<Texture> {
-        let params = &texture.entity.params;
-        let pair = |names: [&'static str; 2], defaults: [f32; 2]| -> Result<[ColorParam; 2]> {
-            let read = |name, default| match texture.color {
-                true => self.color(params, name, Vec3::splat(default), f32::INFINITY),
-                false => self.number(params, name, default).map(as_color),
-            };
-            Ok([read(names[0], defaults[0])?, read(names[1], defaults[1])?])
-        };
-        let octaves = || -> Result<(u32, f32)> {
-            Ok((params.integer_from("octaves", 0)?.unwrap_or(8), params.float("roughness", 0.5)?))
-        };
-        let pattern = match &*texture.entity.kind {
-            "bilerp" => {
-                let corner = |name, default: f32| -> Result<Vec3> {
-                    if texture.color {
-                        let spectrum = params.spectrum(name, self.context)?;
-                        return Ok(spectrum.map_or(Vec3::splat(default), |spectrum| spectrum.factor()));
-                    }
-                    params.float(name, default).map(Vec3::splat)
-                };
-                let colors =
-                    [corner("v00", 0.0)?, corner("v10", 0.0)?, corner("v01", 1.0)?, corner("v11", 1.0)?];
-                return Ok(Texture::Corners { mapping: mapping(texture)?, colors });
-            }
+        match &*texture.entity.kind {
+            "bilerp" => self.corners(texture),
             "dots" => {
-                let colors = pair(["inside", "outside"], [1.0, 0.0])?;
-                return Ok(Texture::Dots { mapping: mapping(texture)?, colors });
+                let colors = self.pair(texture, ["inside", "outside"], [1.0, 0.0])?;
+                Ok(Texture::Dots { mapping: mapping(texture)?, colors })
             }
-            "directionmix" => {
-                let direction = params.vec3("dir", Kind::Vector3, Vec3::Y)?.as_dvec3();
-                let direction = texture.to_world.0[0].transform_vector3(direction).try_normalize();
-                let direction = direction.ok_or_else(|| {
-                    Fault::invalid(params.place_of("dir"), "\"dir\" of texture \"directionmix\" has length 0")
-                })?;
-                let colors = pair(["tex1", "tex2"], [0.0, 1.0])?;
-                return Ok(Texture::Facing { direction: direction.as_vec3(), colors });
+            "directionmix" => self.facing(texture),
+            kind => {
+                let pattern = noise(&texture.entity.params, kind)?;
+                Ok(Texture::Noise { from_world: single(from_world(texture)), pattern })
             }
-            "fbm" => {
-                let (octaves, roughness) = octaves()?;
-                NoisePattern::Brownian { octaves, roughness }
-            }
-            "wrinkled" => {
-                let (octaves, roughness) = octaves()?;
-                NoisePattern::Wrinkled { octaves, roughness }
-            }
-            "marble" => {
-                let (octaves, roughness) = octaves()?;
-                let (scale, variation) = (params.float("scale", 1.0)?, params.float("variation", 0.2)?);
-                NoisePattern::Marble { octaves, roughness, scale, variation }
-            }
-            _ => NoisePattern::Windy,
+        }
+    }
+
+    /// Two colours or numbers of a texture.
+    fn pair(
+        &self,
+        texture: &TextureEntity,
+        names: [&'static str; 2],
+        defaults: [f32; 2],
+    ) -> Result<[ColorParam; 2]> {
+        let params = &texture.entity.params;
+        let read = |name, default| match texture.color {
+            true => self.color(params, name, Vec3::splat(default), f32::INFINITY),
+            false => self.number(params, name, default).map(as_color),
         };
-        Ok(Texture::Noise { from_world: single(from_world(texture)), pattern })
+        Ok([read(names[0], defaults[0])?, read(names[1], defaults[1])?])
+    }
+
+    fn corners(&self, texture: &TextureEntity) -> Result<Texture> {
+        let params = &texture.entity.params;
+        let corner = |name, default: f32| -> Result<Vec3> {
+            if texture.color {
+                let spectrum = params.spectrum(name, self.context)?;
+                return Ok(spectrum.map_or(Vec3::splat(default), |spectrum| spectrum.factor()));
+            }
+            params.float(name, default).map(Vec3::splat)
+        };
+        let colors = [corner("v00", 0.0)?, corner("v10", 0.0)?, corner("v01", 1.0)?, corner("v11", 1.0)?];
+        Ok(Texture::Corners { mapping: mapping(texture)?, colors })
+    }
+
+    fn facing(&self, texture: &TextureEntity) -> Result<Texture> {
+        let params = &texture.entity.params;
+        let direction = params.vec3("dir", Kind::Vector3, Vec3::Y)?.as_dvec3();
+        let direction = texture.to_world.0[0].transform_vector3(direction).try_normalize();
+        let direction = direction.ok_or_else(|| {
+            Fault::invalid(params.place_of("dir"), "\"dir\" of texture \"directionmix\" has length 0")
+        })?;
+        let colors = self.pair(texture, ["tex1", "tex2"], [0.0, 1.0])?;
+        Ok(Texture::Facing { direction: direction.as_vec3(), colors })
     }
 
     /// A constant for textures that are not drawn.
@@ -387,6 +386,23 @@ impl<'c> Textures<'c> {
         params.ignore(&["encoding", "filename", "scale"]);
         Ok(Vec3::splat(0.5))
     }
+}
+
+/// The noise of a texture of type `kind`.
+fn noise(params: &Params, kind: &str) -> Result<NoisePattern> {
+    if kind == "windy" {
+        return Ok(NoisePattern::Windy);
+    }
+    let octaves = params.integer_from("octaves", 0)?.unwrap_or(8);
+    let roughness = params.float("roughness", 0.5)?;
+    Ok(match kind {
+        "fbm" => NoisePattern::Brownian { octaves, roughness },
+        "wrinkled" => NoisePattern::Wrinkled { octaves, roughness },
+        _ => {
+            let (scale, variation) = (params.float("scale", 1.0)?, params.float("variation", 0.2)?);
+            NoisePattern::Marble { octaves, roughness, scale, variation }
+        }
+    })
 }
 
 /// Textures with the pictures that they wait for.
@@ -424,82 +440,4 @@ fn encoding(params: &Params) -> Result<Encoding> {
             Err(Fault::invalid(params.place_of("encoding"), message))
         }
     }
-}
-
-fn wrap(params: &Params) -> Result<Wrap> {
-    Ok(match params.choice("wrap", &["repeat", "black", "clamp", "octahedralsphere"])? {
-        "black" => Wrap::Black,
-        "clamp" => Wrap::Clamp,
-        "octahedralsphere" => Wrap::Octahedral,
-        _ => Wrap::Repeat,
-    })
-}
-
-/// From coordinates that grow upwards to those of pictures, whose rows go downwards.
-fn upwards(transform: Affine2) -> Affine2 {
-    Affine2::from_scale_angle_translation(Vec2::new(1.0, -1.0), 0.0, Vec2::Y) * transform
-}
-
-/// From the world to the space in which the texture was defined.
-fn from_world(texture: &TextureEntity) -> DAffine3 {
-    texture.to_world.0[0].inverse()
-}
-
-fn uv_transform(params: &Params) -> Result<Affine2> {
-    let scale = Vec2::new(params.float("uscale", 1.0)?, params.float("vscale", 1.0)?);
-    let offset = Vec2::new(params.float("udelta", 0.0)?, params.float("vdelta", 0.0)?);
-    Ok(Affine2::from_scale_angle_translation(scale, 0.0, offset))
-}
-
-/// Where the squares of a checkerboard lie.
-fn board_mapping(texture: &TextureEntity) -> Result<Mapping> {
-    let params = &texture.entity.params;
-    match params.integer_option("dimension")?.unwrap_or(2) {
-        2 => mapping(texture),
-        3 => Ok(Mapping::Solid { from_world: single(from_world(texture)) }),
-        other => {
-            let message = format!("\"dimension\" of a checkerboard is {other}, expected 2 or 3");
-            Err(Fault::invalid(params.place_of("dimension"), message))
-        }
-    }
-}
-
-fn mapping(texture: &TextureEntity) -> Result<Mapping> {
-    let params = &texture.entity.params;
-    let from_world = from_world(texture);
-    Ok(match params.choice("mapping", &["uv", "spherical", "cylindrical", "planar"])? {
-        "uv" => Mapping::Uv { set: 0, transform: uv_transform(params)? },
-        "spherical" => Mapping::Spherical { from_world: single(from_world) },
-        // pbrt-v4 counts the angle from -x here.
-        "cylindrical" => {
-            let turned = DAffine3::from_scale(DVec3::new(-1.0, -1.0, 1.0)) * from_world;
-            Mapping::Cylindrical { from_world: single(turned) }
-        }
-        _ => Mapping::Planar {
-            from_world: single(from_world),
-            axes: [params.vec3("v1", Kind::Vector3, Vec3::X)?, params.vec3("v2", Kind::Vector3, Vec3::Y)?],
-            offset: Vec2::new(params.float("udelta", 0.0)?, params.float("vdelta", 0.0)?),
-        },
-    })
-}
-
-/// Where texels lie: as [`mapping`], with the second coordinate going downwards.
-fn picture_mapping(texture: &TextureEntity) -> Result<Mapping> {
-    let then = |first: Affine3A, scale: Vec3, offset: Vec3| {
-        Affine3A::from_scale_rotation_translation(scale, glam::Quat::IDENTITY, offset) * first
-    };
-    Ok(match mapping(texture)? {
-        Mapping::Uv { set, transform } => Mapping::Uv { set, transform: upwards(transform) },
-        Mapping::Planar { from_world, axes: [u, v], offset } => {
-            Mapping::Planar { from_world, axes: [u, -v], offset: Vec2::new(offset.x, 1.0 - offset.y) }
-        }
-        // A mirrored angle goes the other way round.
-        Mapping::Spherical { from_world } => {
-            Mapping::Spherical { from_world: then(from_world, Vec3::new(1.0, -1.0, 1.0), Vec3::ZERO) }
-        }
-        Mapping::Cylindrical { from_world } => {
-            Mapping::Cylindrical { from_world: then(from_world, Vec3::new(1.0, 1.0, -1.0), Vec3::Z) }
-        }
-        solid @ Mapping::Solid { .. } => solid,
-    })
 }

@@ -2,18 +2,17 @@
 
 pub(crate) mod values;
 
-use std::any::TypeId;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use quietus_film::Window;
 use quietus_render::noise::Aov;
 
 use self::values::{
     parse_aov_noise, parse_error, parse_factor, parse_fps, parse_frames, parse_limit, parse_noise,
-    parse_share, parse_size, parse_stops, parse_threads, parse_time, parse_window, whole, within,
+    parse_share, parse_size, parse_stops, parse_threads, parse_time, parse_window, within,
 };
 use crate::after::compare::CompareArgs;
 use crate::after::convert::ConvertArgs;
@@ -106,7 +105,7 @@ pub(crate) enum Command {
     Inspect(InspectArgs),
     /// Turn an EXR picture into a PNG or another EXR: exposure, tone curve, layers, denoising.
     Convert(ConvertArgs),
-    /// Say which settings file is used, and what it says.
+    /// Say which settings file (quietus.toml) is used, and what it says.
     Config,
     /// Print a script that completes commands and flags in a shell.
     #[command(after_help = COMPLETIONS)]
@@ -133,7 +132,7 @@ pub(crate) struct RenderArgs {
     pub size: Option<[u32; 2]>,
 
     /// Width of the full frame in pixels, in the shape it would have by default.
-    #[arg(long, value_name = "W", conflicts_with = "size", value_parser = whole(1_u32))]
+    #[arg(long, value_name = "W", conflicts_with = "size", value_parser = within(1..=u32::MAX))]
     pub width: Option<u32>,
 
     /// Draw only this part of the frame: x0 <= x < x1, y0 <= y < y1, (0, 0) at the top left. Default: what the scene
@@ -141,7 +140,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_window)]
     pub crop: Option<Window>,
 
-    /// Look through this camera of the scene instead of the first.
+    /// Look through this camera of the scene instead of the first; `quietus info` lists them.
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
 
@@ -159,7 +158,7 @@ pub(crate) struct RenderArgs {
     pub env: Option<PathBuf>,
 
     /// Draw frame N of an animation: the moment N / FPS seconds after its beginning.
-    #[arg(long, value_name = "N", help_heading = "Animation", conflicts_with = "frames", value_parser = whole(0_u32))]
+    #[arg(long, value_name = "N", help_heading = "Animation", conflicts_with = "frames", value_parser = within(0..=u32::MAX))]
     pub frame: Option<u32>,
 
     /// Draw the frames A to B, one picture each. `####` in the names of outputs becomes the frame's number; without
@@ -186,7 +185,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, help_heading = "Animation")]
     pub fixed_seed: bool,
 
-    /// How samples are spread over the picture. Default: quietus, or uniform when --spp is given.
+    /// How samples are spread over the picture; "the talk" is Jeffery 2019 (see README.md). Default: quietus, or uniform when
+    /// --spp is given.
     #[arg(long, value_enum)]
     pub sampling: Option<SamplingArg>,
 
@@ -217,16 +217,16 @@ pub(crate) struct RenderArgs {
 
     /// The same number of samples for every pixel (implies --sampling uniform).
     /// [default with uniform: what the scene asks for, else 64; no limit with --time]
-    #[arg(long, value_name = "N", value_parser = whole(1_u32))]
+    #[arg(long, value_name = "N", value_parser = within(1..=u32::MAX))]
     pub spp: Option<u32>,
 
     /// Samples every pixel gets before any may stop. [default: 16; not with uniform]
-    #[arg(long, value_name = "N", value_parser = whole(1_u32))]
+    #[arg(long, value_name = "N", value_parser = within(1..=u32::MAX))]
     pub min_samples: Option<u32>,
 
     /// Samples no pixel exceeds. Default: no limit with --noise and --time; with --target-error the samples per pixel that
     /// the scene asks for, else 4096. Not with uniform.
-    #[arg(long, value_name = "N", value_parser = whole(1_u32))]
+    #[arg(long, value_name = "N", value_parser = within(1..=u32::MAX))]
     pub max_samples: Option<u32>,
 
     /// The best picture for this time, such as 90s, 5m or "1h 30m"; a plain number means seconds. With --noise or
@@ -263,7 +263,7 @@ pub(crate) struct RenderArgs {
     pub clamp_indirect: Option<f32>,
 
     /// Picks the random numbers: equal seeds give equal pictures.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0_u64))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = within(0..=u64::MAX))]
     pub seed: u64,
 
     /// Threads that render. Default: one per core. The picture does not depend on it (except with free-running).
@@ -310,24 +310,6 @@ pub(crate) struct RenderArgs {
     pub rebuild: Option<RebuildArg>,
 }
 
-/// The command line of the program. A value that is neither text nor one of some words may begin with a dash, so that a number
-/// below 0 is told what was expected instead, and is not taken for a flag.
-pub(crate) fn program() -> clap::Command {
-    let is_text = |arg: &clap::Arg| {
-        let kind = arg.get_value_parser().type_id();
-        kind == TypeId::of::<String>() || kind == TypeId::of::<PathBuf>()
-    };
-    Cli::command().mut_subcommands(|command| {
-        command.mut_args(|arg| {
-            let may_be_below_0 = arg.get_long().is_some()
-                && arg.get_action().takes_values()
-                && arg.get_possible_values().is_empty()
-                && !is_text(&arg);
-            arg.allow_hyphen_values(may_be_below_0)
-        })
-    })
-}
-
 impl RenderArgs {
     /// What radiance is multiplied by, where that is said.
     pub(crate) fn exposure(&self) -> Option<f32> {
@@ -359,7 +341,7 @@ pub(crate) enum RebuildArg {
 /// `--sampling`.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SamplingArg {
-    /// The tree of the talk over what one more sample is worth, drawing exactly the pixels that need it.
+    /// To each pixel as many as the noise around it deserves, which a tree pools that is built anew after every pass.
     Quietus,
     /// As many samples as the noise of other pixels asks for: no pixel's own values decide, so nothing is lost on
     /// average.
@@ -398,11 +380,13 @@ pub(crate) enum FilterArg {
 
 #[cfg(test)]
 mod tests {
+    use clap::CommandFactory;
+
     use super::*;
 
     #[test]
     fn the_command_line_is_well_formed() {
-        program().debug_assert();
+        Cli::command().debug_assert();
     }
 
     #[test]

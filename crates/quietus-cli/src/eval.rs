@@ -19,7 +19,7 @@ use quietus_film::{check_writable, write_atomically};
 use serde::Serialize;
 
 use crate::args::MOST_DEPTH;
-use crate::args::values::{parse_noise, parse_size, parse_time, whole, within};
+use crate::args::values::{parse_noise, parse_size, parse_time, within};
 use crate::error::{EXIT_CODES, Ending, Failure};
 use crate::say;
 
@@ -44,19 +44,19 @@ pub(crate) struct EvalArgs {
     size: [u32; 2],
 
     /// Sample sequences recorded for each pixel; half as many runs share no sample.
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = whole(1_u32))]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = within(1..=u32::MAX))]
     streams: u32,
 
     /// Samples in each of them; a run takes at most twice as many per pixel. [default: 512; 64 with --equivalence]
-    #[arg(long, value_name = "N", value_parser = whole(1_u32))]
+    #[arg(long, value_name = "N", value_parser = within(1..=u32::MAX))]
     samples: Option<u32>,
 
     /// Seed of the recorded samples.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0_u64))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = within(0..=u64::MAX))]
     seed: u64,
 
     /// Samples per pixel of the reference, drawn with other seeds.
-    #[arg(long, value_name = "N", default_value_t = 16384, value_parser = whole(1_u32))]
+    #[arg(long, value_name = "N", default_value_t = 16384, value_parser = within(1..=u32::MAX))]
     reference_spp: u32,
 
     /// Longest path in segments from the camera.
@@ -75,7 +75,7 @@ pub(crate) struct EvalArgs {
     #[arg(long)]
     record_only: bool,
 
-    /// Methods to compare with uniform sampling. [default: all]
+    /// Methods to compare with uniform sampling, as render's --sampling calls them. [default: all]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = parse_method)]
     methods: Vec<Method>,
 
@@ -85,11 +85,11 @@ pub(crate) struct EvalArgs {
     budgets: Vec<f64>,
 
     /// Runs of each. [default: as many as share no sample]
-    #[arg(long, value_name = "N", value_parser = whole(1_u64))]
+    #[arg(long, value_name = "N", value_parser = within(1..=u64::MAX))]
     runs: Option<u64>,
 
     /// Samples every pixel gets before any may stop. [default: 16]
-    #[arg(long, value_name = "N", value_parser = whole(1_u32))]
+    #[arg(long, value_name = "N", value_parser = within(1..=u32::MAX))]
     min_samples: Option<u32>,
 
     /// Error measure of the table: mse, rel_mse, weighted or display.
@@ -118,7 +118,7 @@ pub(crate) struct EvalArgs {
     time: Vec<Duration>,
 
     /// Also render each live, so many times: CPU time, gain at equal time, and whether replays are what renders do.
-    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "equivalence", value_parser = whole(0_u32))]
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "equivalence", value_parser = within(0..=u32::MAX))]
     live: u32,
 
     /// Write everything here, as JSON.
@@ -179,6 +179,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending, Failure> {
         if args.record_only {
             continue;
         }
+        study.reference.expect_light()?;
         let plan = plan(args, &study);
         say::aside(format_args!(
             "{source}: {} methods at {} budgets",

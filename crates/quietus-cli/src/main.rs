@@ -27,6 +27,8 @@ mod wishes;
 
 use std::process::ExitCode;
 
+use clap::CommandFactory;
+
 use crate::args::{Cli, Command};
 use crate::config::Complete;
 use crate::error::{Ending, Failure};
@@ -86,7 +88,7 @@ fn dispatch(cli: &Cli) -> Result<Ending, Failure> {
         Some(Command::Config) => config::show(cli).map(|()| Ending::Success),
         Some(Command::Completions { shell }) => {
             let mut script = Vec::new();
-            clap_complete::generate(*shell, &mut args::program(), "quietus", &mut script);
+            clap_complete::generate(*shell, &mut Cli::command(), "quietus", &mut script);
             say::result(String::from_utf8_lossy(&script).trim_end());
             Ok(Ending::Success)
         }

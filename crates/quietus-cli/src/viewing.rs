@@ -14,6 +14,7 @@ use quietus_render::{
 use quietus_view::{Options, ReferencePicture, Session, State, Token, View, Wish, moved};
 
 use crate::args::RenderArgs;
+use crate::args::values::{parse_ip, within};
 use crate::error::{Ending, Failure};
 use crate::plan::Plan;
 use crate::render::{Audience, Ready, draw, keep};
@@ -30,11 +31,11 @@ pub(crate) struct ViewingArgs {
     pub view: bool,
 
     /// IP address to serve the view at; 0.0.0.0 for every one of this machine's. [default: 127.0.0.1]
-    #[arg(long, value_name = "ADDRESS")]
+    #[arg(long, value_name = "ADDRESS", value_parser = parse_ip)]
     pub bind: Option<IpAddr>,
 
     /// Port to serve the view at; 0 for any that is free. [default: 0]
-    #[arg(long, value_name = "PORT")]
+    #[arg(long, value_name = "PORT", value_parser = within(0..=u16::MAX))]
     pub port: Option<u16>,
 
     /// EXR picture of the same frame for the view to compare with.

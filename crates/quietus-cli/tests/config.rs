@@ -62,7 +62,7 @@ fn files_are_looked_for_here_and_with_the_users_settings() {
     assert_eq!(setting(at, "render", "seed"), "2");
     std::fs::write(at.join("other.toml"), with_seed(3)).unwrap();
     assert_eq!(setting(at, "render --config other.toml", "seed"), "3");
-    assert!(refused(at, "render --config none.toml", 3).contains("none.toml: cannot read"));
+    assert!(refused(at, "render --config none.toml", 3).contains("none.toml: no such file"));
 }
 
 #[test]

@@ -55,7 +55,7 @@ fn what_makes_no_sense_is_refused_before_anything_is_recorded() {
     for (arguments, code, message) in [
         (&["--methods", "best"][..], 2, "expected one of uniform, tile"),
         (&["--budgets", "-3"], 2, "expected a number above 0"),
-        (&["--filter", "sinc"], 2, "expected box, gaussian or blackman-harris"),
+        (&["--filter", "sinc"], 2, "expected one of box, triangle, gaussian, blackman-harris"),
         (&["--streams", "3"], 2, "expected an even number"),
         (&["missing.glb"], 3, "missing.glb"),
         (&["--json", "no/such/a.json"], 4, "no/such/a.json"),
@@ -65,5 +65,19 @@ fn what_makes_no_sense_is_refused_before_anything_is_recorded() {
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
         assert!(text.contains(message), "{arguments:?}: {text}");
         assert!(!directory.path().join("cache").exists(), "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_black_picture_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let scene = "Camera \"perspective\"\nWorldBegin\nShape \"sphere\"\n";
+    std::fs::write(directory.path().join("dark.pbrt"), scene).unwrap();
+    let few = ["dark.pbrt", "--streams", "2", "--samples", "8", "--reference-spp", "32"];
+    for more in [&[][..], &["--equivalence", "unbiased", "--runs", "2"]] {
+        let output = eval(directory.path(), &[&few, more].concat());
+        assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+        let expected = "error: dark: the picture is black: there is nothing to measure";
+        assert!(stderr(&output).contains(expected), "{}", stderr(&output));
     }
 }

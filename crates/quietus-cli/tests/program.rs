@@ -315,7 +315,19 @@ fn flags_that_make_no_sense_are_usage_errors() {
         ("render --crop 1,2,3", "expected four whole numbers"),
         ("render --target-error NaN", "expected a number above 0"),
         ("render --target-error -1", "expected a number above 0"),
-        ("render --spp 0", "0 is not in 1.."),
+        ("render --spp 0", "expected a whole number from 1 to 4294967295"),
+        ("render --spp many", "expected a whole number from 1 to 4294967295"),
+        ("render --seed -1", "invalid value '-1' for '--seed <N>': expected a whole number from 0 to"),
+        ("render --noise -1%", "invalid value '-1%' for '--noise <P%>': expected percent of white"),
+        (
+            "render --time -3s -o a.png",
+            "invalid value '-3s' for '--time <DURATION>': expected a time above 0",
+        ),
+        ("render --crop -1,0,5,5", "expected four whole numbers"),
+        ("render --noise -o a.png", "a value is required for '--noise <P%>'"),
+        ("render --quiet -1", "unexpected value '-1' for '--quiet'"),
+        ("render -1", "unexpected argument '-1' found"),
+        ("render --bind nowhere", "expected an IP address, such as 127.0.0.1"),
         ("render --spp 4 --sampling pixel", "--spp is for --sampling uniform"),
         ("render --spp 4 --target-error 0.1", "--target-error is for adaptive sampling"),
         ("render --min-samples 10 --max-samples 9", "--min-samples 10 is more than --max-samples 9"),
@@ -354,7 +366,7 @@ fn inputs_that_cannot_be_read_are_input_errors() {
         ("render --env missing.hdr", "missing.hdr"),
         ("render --env noise.hdr", "noise.hdr"),
         ("render --env half.exr", "half.exr"),
-        ("info missing.exr", "missing.exr: cannot read"),
+        ("info missing.exr", "missing.exr: no such file"),
         ("info half.exr", "half.exr: not a readable OpenEXR file"),
         ("info missing.gltf", "missing.gltf"),
         ("info bad.gltf", "bad.gltf"),
@@ -419,25 +431,44 @@ fn help_lists_the_exit_codes() {
 
 #[cfg(target_os = "linux")]
 mod interrupts {
-    use std::process::Child;
+    use std::io::{BufRead, BufReader};
+    use std::process::{Child, ChildStdout};
     use std::time::{Duration, Instant};
 
     use super::*;
 
-    /// Starts a render without end and waits until it watches for Ctrl-C.
-    fn start(dir: &Path) -> Child {
-        let mut command = command(
-            dir,
-            "render -o a.exr -o a.png --stats s.json --size 64x36 --sampling uniform --time 10m",
-        );
-        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let status = format!("/proc/{}/status", child.id());
-        let start = Instant::now();
-        while !catches_interrupts(&std::fs::read_to_string(&status).unwrap()) {
-            assert!(start.elapsed() < Duration::from_secs(60), "the program never watches for Ctrl-C");
-            std::thread::sleep(Duration::from_millis(5));
+    /// A program that runs.
+    struct Running {
+        child: Child,
+        stdout: BufReader<ChildStdout>,
+    }
+
+    impl Running {
+        fn new(dir: &Path, arguments: &str) -> Self {
+            let mut command = command(dir, arguments);
+            let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+            let stdout = BufReader::new(child.stdout.take().unwrap());
+            Self { child, stdout }
         }
-        child
+
+        /// Waits for the end; gives the exit code and what was said on stdout and on stderr.
+        fn finish(self) -> (Option<i32>, String, String) {
+            let stdout = std::io::read_to_string(self.stdout).unwrap();
+            let output = self.child.wait_with_output().unwrap();
+            (output.status.code(), stdout, stderr(&output))
+        }
+    }
+
+    /// Starts a render without end and waits until it draws.
+    fn start(dir: &Path) -> Running {
+        let flags = "-o a.exr -o a.png --stats s.json --size 64x36 --sampling uniform --time 10m";
+        let mut running = Running::new(dir, &format!("render {flags} --progress json"));
+        let mut line = String::new();
+        while !line.contains("\"event\":\"progress\"") {
+            line.clear();
+            assert_ne!(running.stdout.read_line(&mut line).unwrap(), 0, "the program never draws");
+        }
+        running
     }
 
     /// Whether the process of this status file has a handler for SIGINT, signal 2. It is the last that gets one.
@@ -474,17 +505,17 @@ mod interrupts {
 
     fn writes_what_there_is(signals: &[&str]) {
         let dir = dir();
-        let child = start(dir.path());
-        signals.iter().for_each(|signal| send(signal, &child));
+        let running = start(dir.path());
+        signals.iter().for_each(|signal| send(signal, &running.child));
         // Where whoever runs the tests ignores hangups, as `nohup` does, so must the program.
         let own = std::fs::read_to_string("/proc/self/status").unwrap();
         if signals.contains(&"-HUP") && has_signal(&own, "SigIgn:", 1) {
-            send("-INT", &child);
+            send("-INT", &running.child);
         }
-        let output = child.wait_with_output().unwrap();
-        assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
-        assert!(stderr(&output).contains("stopping; the picture so far will be written"));
-        assert!(String::from_utf8_lossy(&output.stdout).starts_with("interrupted: "));
+        let (code, said, errors) = running.finish();
+        assert_eq!(code, Some(130), "{errors}");
+        assert!(said.contains("stopping; the picture so far will be written"), "{said}");
+        assert!(said.contains("\"stopped_by\":\"interrupt\""), "{said}");
         assert_eq!(files(dir.path()), ["a.exr", "a.png", "s.json"]);
         read_exr(&dir.path().join("a.exr")).unwrap();
         let stats = std::fs::read_to_string(dir.path().join("s.json")).unwrap();
@@ -495,16 +526,36 @@ mod interrupts {
     #[test]
     fn a_second_ctrl_c_quits_and_leaves_nothing_half_written() {
         let dir = dir();
-        let mut child = start(dir.path());
+        let mut running = start(dir.path());
         // Signals that arrive together count as one: repeated until the program is gone. It may have finished
         // writing before the second one reached it.
         let status = loop {
-            if let Some(status) = child.try_wait().unwrap() {
+            if let Some(status) = running.child.try_wait().unwrap() {
                 break status;
             }
-            interrupt(&child);
+            interrupt(&running.child);
         };
         assert_eq!(status.code(), Some(130));
         assert!(files(dir.path()).iter().all(|name| ["a.exr", "a.png", "s.json"].contains(&name.as_str())));
+    }
+
+    #[test]
+    fn ctrl_c_while_a_scene_is_read_says_that_there_is_no_picture() {
+        let dir = dir();
+        // Takes minutes to read.
+        std::fs::write(dir.path().join("part.pbrt"), "Identity\n".repeat(100_000)).unwrap();
+        std::fs::write(dir.path().join("long.pbrt"), "Include \"part.pbrt\"\n".repeat(60_000)).unwrap();
+        let running = Running::new(dir.path(), "render long.pbrt");
+        let status = format!("/proc/{}/status", running.child.id());
+        let start = Instant::now();
+        while !catches_interrupts(&std::fs::read_to_string(&status).unwrap()) {
+            assert!(start.elapsed() < Duration::from_secs(60), "the program never watches for Ctrl-C");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        interrupt(&running.child);
+        let (code, said, errors) = running.finish();
+        let expected = "stopped before there was a picture to write\n";
+        assert_eq!((code, said.as_str(), errors.as_str()), (Some(130), "", expected));
+        assert_eq!(files(dir.path()), ["long.pbrt", "part.pbrt"]);
     }
 }

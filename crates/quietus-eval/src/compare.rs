@@ -7,7 +7,7 @@ use crate::{
     Bank, BankSpec, Method, Reference, ReferenceSpec,
     limit::{RayLimits, limit, ray_limits},
     live::Live,
-    measure::{EnergyMeter, Measure, Structure},
+    measure::{EnergyMeter, Measure, Structure, relative},
     statistics::{Estimate, bootstrap, mean, mean_interval},
     sweep::{RunRecord, Series},
 };
@@ -342,9 +342,9 @@ fn bias(series: &Series, control: &Series, meter: &EnergyMeter) -> Bias {
     let pairs = || series.runs.iter().zip(&control.runs);
     let reference = &meter.reference;
     let picture: Vec<f64> =
-        pairs().map(|(a, b)| (a.energy.picture - b.energy.picture) / reference.picture).collect();
+        pairs().map(|(a, b)| relative(a.energy.picture - b.energy.picture, reference.picture)).collect();
     let darkest: Vec<f64> = pairs()
-        .map(|(a, b)| (a.energy.darkest_fifth - b.energy.darkest_fifth) / reference.darkest_fifth)
+        .map(|(a, b)| relative(a.energy.darkest_fifth - b.energy.darkest_fifth, reference.darkest_fifth))
         .collect();
     // A tile without light has no relative bias: a hundredth of the picture's mean is the least that counts.
     let floor = 0.01 * reference.picture;

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     BankSpec, EvalError, Look, Method, Reference, ReferenceSpec, Subject,
     bank::record_in_memory,
-    measure::{Energy, EnergyMeter},
+    measure::{Energy, EnergyMeter, relative},
     reference::REFERENCE_SEED,
     replay,
     statistics::{Estimate, mean_interval_at},
@@ -109,6 +109,7 @@ pub fn equivalence(subject: &Subject, plan: &EquivalencePlan) -> Result<Equivale
         return Err(EvalError::Request("an equivalence test takes at least 2 runs".to_owned()));
     }
     let reference = reference(subject, plan)?;
+    reference.expect_light()?;
     let meter = EnergyMeter::new(&reference);
     let settings = settings(subject, plan)?;
     let runs: Vec<Run> = (0..plan.runs)
@@ -118,7 +119,7 @@ pub fn equivalence(subject: &Subject, plan: &EquivalencePlan) -> Result<Equivale
     let of = |value: &dyn Fn(&Energy) -> f64, confidence: f64| {
         let whole = value(&meter.reference);
         let differences: Vec<f64> =
-            runs.iter().map(|run| (value(&run.method) - value(&run.uniform)) / whole).collect();
+            runs.iter().map(|run| relative(value(&run.method) - value(&run.uniform), whole)).collect();
         mean_interval_at(&differences, confidence)
     };
     let typical = typical_tiles(&meter.reference.tiles);
@@ -134,7 +135,7 @@ pub fn equivalence(subject: &Subject, plan: &EquivalencePlan) -> Result<Equivale
         target_error: settings.target_error,
         picture: of(&|energy| energy.picture, CONFIDENCE),
         darkest_fifth: of(&|energy| energy.darkest_fifth, CONFIDENCE),
-        worst_tile: worst_tile.ok_or_else(|| EvalError::Request("the picture is black".to_owned()))?,
+        worst_tile: worst_tile.ok_or_else(|| EvalError::Dark { scene: subject.name.clone() })?,
         tiles: typical.len(),
         margins: MARGINS,
     })

@@ -51,6 +51,12 @@ pub enum EvalError {
     /// A request that does not fit together.
     #[error("{0}")]
     Request(String),
+    /// A picture without light.
+    #[error("{scene}: the picture is black: there is nothing to measure")]
+    Dark {
+        /// The scene.
+        scene: String,
+    },
     /// The tracer broke its promise.
     #[error(
         "{scene}: sample {index} of replicate {replicate} of pixel ({x}, {y}) with seed {seed} is negative: {value:?}"

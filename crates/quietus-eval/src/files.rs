@@ -20,6 +20,9 @@ pub(crate) fn write_atomically(
     write: impl FnOnce(&mut BufWriter<File>) -> Result<(), EvalError>,
 ) -> Result<(), EvalError> {
     let directory = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if directory.exists() && !directory.is_dir() {
+        return Err(EvalError::format(directory, "is not a folder"));
+    }
     fs::create_dir_all(directory).map_err(EvalError::io(directory))?;
     let mut beside = path.as_os_str().to_owned();
     beside.push(format!(".{}.part", std::process::id()));

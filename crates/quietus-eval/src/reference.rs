@@ -47,6 +47,17 @@ pub struct Reference {
 }
 
 impl Reference {
+    /// Refuses a black picture: errors and biases are measured relative to what there is.
+    ///
+    /// # Errors
+    /// [`EvalError::Dark`].
+    pub fn expect_light(&self) -> Result<(), EvalError> {
+        match self.mean.rgb.iter().any(|rgb| *rgb != [0.0; 3]) {
+            true => Ok(()),
+            false => Err(EvalError::Dark { scene: self.spec.scene.clone() }),
+        }
+    }
+
     /// Draws it on all threads of rayon's pool.
     ///
     /// # Errors

@@ -48,7 +48,7 @@ pub enum OutputError {
         source: io::Error,
     },
     /// The file system does not let it be read.
-    #[error("{}: cannot read: {source}", .path.display())]
+    #[error("{}: {}", .path.display(), unread(.source))]
     Read {
         /// The file asked for.
         path: PathBuf,
@@ -148,6 +148,7 @@ fn create_beside(path: &Path) -> Result<(Temporary, File), OutputError> {
         _ => {}
     }
     remove_abandoned(&target, is_running);
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut number = 0;
     loop {
         let mut hidden = OsString::from(".");
@@ -160,12 +161,20 @@ fn create_beside(path: &Path) -> Result<(Temporary, File), OutputError> {
                 return Ok((Temporary { path: beside }, file));
             }
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists && number < 100 => number += 1,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                let folder = target.parent().unwrap_or(Path::new("")).display();
-                return Err(failed(io::Error::new(error.kind(), format!("there is no folder {folder}"))));
+            Err(error) if error.kind() == io::ErrorKind::NotFound && !folder.is_dir() => {
+                let message = format!("there is no folder {}", folder.display());
+                return Err(failed(io::Error::new(error.kind(), message)));
             }
             Err(error) => return Err(failed(error)),
         }
+    }
+}
+
+/// Why a file cannot be read.
+fn unread(error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::NotFound => "no such file".to_owned(),
+        _ => format!("cannot read: {error}"),
     }
 }
 

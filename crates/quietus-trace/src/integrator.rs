@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 
 use crate::bsdf::{Bsdf, same_side};
 use crate::bvh::{Hit, Ray};
-use crate::camera::{CameraRay, Cone};
+use crate::camera::Cone;
 use crate::frame::Frame;
 use crate::geometry::offset_ray_origin;
 use crate::interaction::Interaction;
@@ -105,9 +105,85 @@ pub(crate) fn sample<I: Isa>(
         counts.paths += 1;
         return Sample { alpha: filtered.weight, ..Sample::default() };
     }
+    let mut path = Path {
+        isa,
+        scene,
+        view,
+        sampler,
+        coverage_key,
+        origin: ray.origin,
+        direction: ray.direction,
+        cone: ray.cone,
+        time,
+        receiver: Receiver::medium(ray.origin, time),
+        pdf: f32::INFINITY,
+        throughput: Vec3::ONE,
+        at_first: 1.0,
+        eta2: 1.0,
+        inside: view.medium,
+        depths: Depths::none(),
+        sample: Sample::default(),
+        guided: false,
+    };
     counts.paths += 1;
-    let mut path = Path::new((isa, scene, view), (sampler, coverage_key), &ray, time);
-    path.walk(ray.axis_cosine, counts);
+    for depth in 1..=view.max_depth {
+        let arrival = if scene.has_volumes {
+            isa.outline(Travel { path: &mut path, depth, counts })
+        } else {
+            path.travel(depth, counts)
+        };
+        let (hit, mut surface) = match arrival {
+            Arrival::Surface(hit, surface, distance) => {
+                path.reach(depth, distance, ray.axis_cosine);
+                (hit, surface)
+            }
+            Arrival::Nothing => {
+                path.escape(depth);
+                break;
+            }
+            Arrival::Scattered(medium, distance) => {
+                path.reach(depth, distance, ray.axis_cosine);
+                path.guide_in_medium(&medium);
+                let ends = depth == view.max_depth;
+                if ends || !isa.outline(ScatterInMedium { path: &mut path, medium, depth, counts }) {
+                    break;
+                }
+                continue;
+            }
+        };
+        surface.surface.footprint =
+            scene.footprint(&hit, &surface, (path.direction, path.time), path.cone.radius);
+        let emission = path.emission(&hit, &surface, depth);
+        surface.material = scene.materials.resolve(surface.material, &surface.surface, || {
+            // Coverage was decided by the upper bits.
+            path.bits(&hit, 2 * depth) << 24
+        });
+        let frame = path.frame(&hit, &surface);
+        let mut bsdf = if scene.materials.disperses(surface.material) {
+            let channel = path.single_out();
+            scene.materials.bsdf_of_channel(surface.material, &surface.surface, channel)
+        } else {
+            scene.materials.bsdf(surface.material, &surface.surface, path.coverage_key)
+        };
+        if let Bsdf::Subsurface(b) = &mut bsdf {
+            *b = b.seen_from(path.below());
+        }
+        path.guide(emission, &frame, &bsdf);
+        if depth == view.max_depth || matches!(bsdf, Bsdf::Black) {
+            break;
+        }
+        path.sampler.start_dimension(CAMERA_DIMENSIONS + depth * VERTEX_DIMENSIONS);
+        counts.rays += u64::from(path.next_event(&hit, &surface, &frame, &bsdf, depth));
+        let arrived = path.direction;
+        if !path.scatter(&surface, &frame, &bsdf, depth) {
+            break;
+        }
+        if matches!(bsdf, Bsdf::Subsurface(_)) {
+            path.cross_subsurface(&hit, &surface, arrived);
+        } else if scene.has_volumes {
+            path.cross(&hit, &surface);
+        }
+    }
     // Not the guides, which thereby are averaged with the filter's magnitude and stay in their ranges.
     path.sample.radiance = view.expose(path.sample.radiance * ray.weight) * filtered.weight;
     path.sample.alpha *= filtered.weight;
@@ -121,117 +197,7 @@ fn time(sampler: &mut Sampler) -> f32 {
     sampler.next_1d()
 }
 
-impl<'a, I: Isa> Path<'a, I> {
-    /// One that has just left the camera.
-    #[inline(always)]
-    fn new(
-        (isa, scene, view): (I, &'a Scene, &'a View),
-        (sampler, coverage_key): (Sampler, u64),
-        ray: &CameraRay,
-        time: f32,
-    ) -> Self {
-        Self {
-            isa,
-            scene,
-            view,
-            sampler,
-            coverage_key,
-            origin: ray.origin,
-            direction: ray.direction,
-            cone: ray.cone,
-            time,
-            receiver: Receiver::medium(ray.origin, time),
-            pdf: f32::INFINITY,
-            throughput: Vec3::ONE,
-            at_first: 1.0,
-            eta2: 1.0,
-            inside: view.medium,
-            depths: Depths::none(),
-            sample: Sample::default(),
-            guided: false,
-        }
-    }
-
-    /// Goes on until the path ends; `axis_cosine` is that of its first segment with the camera's axis.
-    #[inline(always)]
-    fn walk(&mut self, axis_cosine: f32, counts: &mut TileCounts) {
-        let (isa, scene, max_depth) = (self.isa, self.scene, self.view.max_depth);
-        for depth in 1..=max_depth {
-            let arrival = if scene.has_volumes {
-                isa.outline(Travel { path: self, depth, counts })
-            } else {
-                self.travel(depth, counts)
-            };
-            match arrival {
-                Arrival::Surface(hit, surface, distance) => {
-                    self.reach(depth, distance, axis_cosine);
-                    if !self.bounce(&hit, surface, depth, counts) {
-                        break;
-                    }
-                }
-                Arrival::Nothing => {
-                    self.escape(depth);
-                    break;
-                }
-                Arrival::Scattered(medium, distance) => {
-                    self.reach(depth, distance, axis_cosine);
-                    self.guide_in_medium(&medium);
-                    let ends = depth == max_depth;
-                    if ends || !isa.outline(ScatterInMedium { path: self, medium, depth, counts }) {
-                        break;
-                    }
-                }
-            }
-        }
-    }
-
-    /// Takes what the surface at `hit` emits and reflects, and goes on from there. Says whether the path does.
-    #[inline(always)]
-    fn bounce(&mut self, hit: &Hit, mut surface: Interaction, depth: u32, counts: &mut TileCounts) -> bool {
-        let scene = self.scene;
-        surface.surface.footprint =
-            scene.footprint(hit, &surface, (self.direction, self.time), self.cone.radius);
-        let emission = self.emission(hit, &surface, depth);
-        surface.material = scene.materials.resolve(surface.material, &surface.surface, || {
-            // Coverage was decided by the upper bits.
-            self.bits(hit, 2 * depth) << 24
-        });
-        let frame = self.frame(hit, &surface);
-        let bsdf = self.bsdf(&surface);
-        self.guide(emission, &frame, &bsdf);
-        if depth == self.view.max_depth || matches!(bsdf, Bsdf::Black) {
-            return false;
-        }
-        self.sampler.start_dimension(CAMERA_DIMENSIONS + depth * VERTEX_DIMENSIONS);
-        counts.rays += u64::from(self.next_event(hit, &surface, &frame, &bsdf, depth));
-        let arrived = self.direction;
-        if !self.scatter(&surface, &frame, &bsdf, depth) {
-            return false;
-        }
-        if matches!(bsdf, Bsdf::Subsurface(_)) {
-            self.cross_subsurface(hit, &surface, arrived);
-        } else if scene.has_volumes {
-            self.cross(hit, &surface);
-        }
-        true
-    }
-
-    /// How the surface, whose material is resolved, scatters what the path carries.
-    #[inline(always)]
-    fn bsdf(&mut self, surface: &Interaction) -> Bsdf<'a> {
-        let materials = &self.scene.materials;
-        let mut bsdf = if materials.disperses(surface.material) {
-            let channel = self.single_out();
-            materials.bsdf_of_channel(surface.material, &surface.surface, channel)
-        } else {
-            materials.bsdf(surface.material, &surface.surface, self.coverage_key)
-        };
-        if let Bsdf::Subsurface(b) = &mut bsdf {
-            *b = b.seen_from(self.below());
-        }
-        bsdf
-    }
-
+impl<I: Isa> Path<'_, I> {
     /// The next segment, open-ended.
     #[inline(always)]
     fn ray(&self) -> Ray {

@@ -10,7 +10,7 @@ use quietus_film::{read_exr_planes, write_rgb_png};
 use serde::Serialize;
 
 use super::heat::{HeatMap, Scale};
-use crate::args::values::whole;
+use crate::args::values::within;
 use crate::error::{EXIT_CODES, Ending, Failure};
 use crate::say;
 
@@ -44,7 +44,7 @@ pub(crate) struct CompareArgs {
     pub max_flip: Option<f64>,
 
     /// How many of the worst 8x8 tiles to list.
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole(0_usize))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = within(0..=usize::MAX))]
     pub tiles: usize,
 
     /// Print JSON instead of text.

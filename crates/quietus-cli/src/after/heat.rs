@@ -6,6 +6,8 @@
 use font8x8::{BASIC_FONTS, UnicodeFonts};
 use quietus_eval::report::heat;
 
+use super::significant;
+
 /// How values spread over the colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Scale {
@@ -167,12 +169,7 @@ impl HeatMap<'_> {
 /// At most three digits that matter, without a row of zeros.
 fn label(value: f64) -> String {
     match value.abs() {
-        0.0 => "0".to_owned(),
-        1e-3..1e5 => {
-            let decimals = (2 - value.abs().log10().floor() as i32).max(0) as usize;
-            let text = format!("{value:.decimals$}");
-            if decimals == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
-        }
+        0.0 | 1e-3..1e5 => significant(value, 3),
         _ => format!("{value:.0e}"),
     }
 }

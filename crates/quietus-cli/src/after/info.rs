@@ -5,6 +5,7 @@ use std::path::Path;
 use quietus_film::{ExrInfo, OutputError, read_exr_info};
 use quietus_scene::{Animation, SceneFile};
 
+use super::significant;
 use crate::error::Failure;
 use crate::wishes::wishes;
 
@@ -72,12 +73,7 @@ fn describe_exr(info: &ExrInfo) -> String {
 /// Six significant digits, without an exponent where that is readable.
 fn number(value: f64) -> String {
     match value.abs() {
-        0.0 => "0".to_owned(),
-        1e-4..1e9 => {
-            let decimals = (5 - value.abs().log10().floor() as i32).max(0) as usize;
-            let text = format!("{value:.decimals$}");
-            if decimals == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
-        }
+        0.0 | 1e-4..1e9 => significant(value, 6),
         _ => format!("{value:.5e}"),
     }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use quietus::PixelError;
-use quietus_film::{Metadata, Picture, read_exr, write_rgb_png};
+use quietus_film::{Metadata, OutputError, Picture, read_exr, write_rgb_png};
 use serde::Serialize;
 
 use super::heat::{HeatMap, Scale};
@@ -46,7 +46,11 @@ pub(crate) struct InspectArgs {
 /// When the picture cannot be read or a map cannot be written.
 pub(crate) fn run(args: &InspectArgs) -> Result<Ending, Failure> {
     let (picture, metadata) = read_exr(&args.file).map_err(|error| {
-        Failure::input(format!("{error} (`quietus inspect` reads what `quietus render` writes)"))
+        let hint = match error {
+            OutputError::Format { .. } => " (`quietus inspect` reads what `quietus render` writes)",
+            _ => "",
+        };
+        Failure::input(format!("{error}{hint}"))
     })?;
     let found = Inspection::new(&picture, &metadata);
     if args.json {

@@ -1,6 +1,7 @@
 //! Values of flags: what is read, and what is said of the rest.
 
 use std::fmt::Display;
+use std::net::IpAddr;
 use std::num::NonZeroUsize;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
@@ -9,21 +10,11 @@ use std::time::Duration;
 use quietus_film::Window;
 use quietus_render::noise::Aov;
 
-/// Reads a whole number that is not below `least`.
-pub(crate) fn whole<T>(least: T) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync
+/// Reads a whole number in `range`.
+pub(crate) fn within<T>(range: RangeInclusive<T>) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync
 where
     T: FromStr + PartialOrd + Display + Clone + Send + Sync,
 {
-    move |text| {
-        let number = text.parse().ok().filter(|number| *number >= least);
-        number.ok_or_else(|| format!("expected a whole number of at least {least}"))
-    }
-}
-
-/// Reads a whole number in `range`.
-pub(crate) fn within(
-    range: RangeInclusive<u32>,
-) -> impl Fn(&str) -> Result<u32, String> + Clone + Send + Sync {
     move |text| {
         let number = text.parse().ok().filter(|number| range.contains(number));
         number.ok_or_else(|| format!("expected a whole number from {} to {}", range.start(), range.end()))
@@ -117,6 +108,10 @@ pub(crate) fn parse_time(text: &str) -> Result<Duration, String> {
         Some(time) if !time.is_zero() => Ok(time),
         _ => Err("expected a time above 0, such as 90s, 5m or \"1h 30m\"".to_owned()),
     }
+}
+
+pub(crate) fn parse_ip(text: &str) -> Result<IpAddr, String> {
+    text.parse().map_err(|_| "expected an IP address, such as 127.0.0.1 or ::1".to_owned())
 }
 
 /// More threads than this only cost memory on any machine there is.

@@ -33,6 +33,12 @@ pub(super) struct Setting {
 pub(super) fn read(path: &Path, program: &Command) -> Result<Vec<Setting>, Failure> {
     let cannot =
         |error: &dyn std::fmt::Display| Failure::input(format!("{}: cannot read: {error}", path.display()));
+    if !path.exists() {
+        return Err(Failure::input(format!("{}: no such file", path.display())));
+    }
+    if !path.is_file() {
+        return Err(Failure::input(format!("{}: is not a regular file", path.display())));
+    }
     let size = std::fs::metadata(path).map_err(|error| cannot(&error))?.len();
     if size > MOST_BYTES {
         return Err(cannot(&format_args!("{size} bytes are too many for settings")));

@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 
 use clap::error::{ContextKind, ContextValue};
 use clap::parser::ValueSource;
-use clap::{Arg, ArgMatches, Command, FromArgMatches};
+use clap::{Arg, ArgMatches, Command, CommandFactory, FromArgMatches};
 
 use self::file::Setting;
-use crate::args::{Cli, program};
+use crate::args::Cli;
 use crate::error::Failure;
 use crate::say;
 
@@ -38,7 +38,8 @@ const FIRST_LOOK: [&str; 4] = ["--size", "480x270", "--noise", "2%"];
 ///
 /// # Errors
 /// A file that was named and is not there, or one with something wrong in it.
-pub(crate) fn complete(mut words: Vec<OsString>) -> Result<Complete, Failure> {
+pub(crate) fn complete(words: Vec<OsString>) -> Result<Complete, Failure> {
+    let mut words = with_negative_values(words);
     let mut matches = parse(&words).or_else(|error| match error.get(ContextKind::InvalidSubcommand) {
         Some(ContextValue::String(word)) if is_file_name(word) => Err(Failure::usage(format!(
             "`{word}` is no command: `quietus render {word}` draws a scene, --help has the rest"
@@ -55,9 +56,9 @@ pub(crate) fn complete(mut words: Vec<OsString>) -> Result<Complete, Failure> {
     let Some(path) = (if first.no_config { None } else { find(first.config.as_deref()) }) else {
         return Ok(Complete { cli: first, origin: format!("no {NAME} is used"), has_settings: false });
     };
-    let settings = file::read(&path, &program())?;
+    let settings = file::read(&path, &Cli::command())?;
     let (name, given) = matches.subcommand().unwrap_or_else(|| unreachable!("a command was added"));
-    let command = program();
+    let command = Cli::command();
     let command = command.find_subcommand(name).unwrap_or_else(|| unreachable!("it was parsed"));
     let own = |setting: &Setting| setting.command == name;
     let own_names: Vec<_> = settings.iter().filter(|s| own(s)).map(|s| s.name.clone()).collect();
@@ -76,13 +77,38 @@ pub(crate) fn complete(mut words: Vec<OsString>) -> Result<Complete, Failure> {
     Ok(Complete { cli: cli(&completed), origin, has_settings: !used.is_empty() })
 }
 
+/// Joins what begins like a number below 0 to the flag before it: `--noise -1%` is a wrong noise and not an unknown flag `-1`,
+/// as no flag begins with a digit.
+fn with_negative_values(words: Vec<OsString>) -> Vec<OsString> {
+    let is_flag = |word: &OsString| {
+        let word = word.to_string_lossy();
+        word.starts_with("--") && word != "--" && !word.contains('=')
+    };
+    let is_negative = |word: &OsString| {
+        let word = word.to_string_lossy();
+        word.strip_prefix('-').is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit() || c == '.'))
+    };
+    let end = words.iter().position(|word| word == "--").unwrap_or(words.len());
+    let mut joined: Vec<OsString> = Vec::with_capacity(words.len());
+    for (i, word) in words.into_iter().enumerate() {
+        match joined.last_mut() {
+            Some(flag) if i < end && is_flag(flag) && is_negative(&word) => {
+                flag.push("=");
+                flag.push(word);
+            }
+            _ => joined.push(word),
+        }
+    }
+    joined
+}
+
 /// Whether who typed this meant a file rather than a command.
 fn is_file_name(word: &str) -> bool {
     word.contains(['.', '/', '\\']) || Path::new(word).is_file()
 }
 
 fn parse(words: &[OsString]) -> Result<ArgMatches, clap::Error> {
-    program().try_get_matches_from(words)
+    Cli::command().try_get_matches_from(words)
 }
 
 /// The file to read: the one that is named, else the first that is there.
@@ -144,7 +170,7 @@ pub(crate) fn show(cli: &Cli) -> Result<(), Failure> {
         say::result(format_args!("no settings file; looked for {}", places.join(" and ")));
         return Ok(());
     };
-    let settings = file::read(&path, &program())?;
+    let settings = file::read(&path, &Cli::command())?;
     say::result(format_args!("{}", path.display()));
     for Setting { command, line, words, .. } in &settings {
         say::result(format_args!("{line:>4}  quietus {command} {}", words.join(" ")));

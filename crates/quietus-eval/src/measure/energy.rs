@@ -48,6 +48,11 @@ fn energy(picture: &Picture, darkest: &[usize]) -> Energy {
     }
 }
 
+/// What `difference` is of `whole`; no difference is none, also from darkness.
+pub(crate) fn relative(difference: f64, whole: f64) -> f64 {
+    if difference == 0.0 { 0.0 } else { difference / whole }
+}
+
 /// Luminance of linear Rec.709.
 pub(crate) fn luminance(rgb: [f32; 3]) -> f64 {
     0.2126 * f64::from(rgb[0]) + 0.7152 * f64::from(rgb[1]) + 0.0722 * f64::from(rgb[2])

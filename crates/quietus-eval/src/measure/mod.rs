@@ -6,8 +6,8 @@ mod flip;
 mod stops;
 mod structure;
 
-pub(crate) use energy::luminance;
 pub use energy::{Energy, EnergyMeter};
+pub(crate) use energy::{luminance, relative};
 pub use errors::{Errors, Measure, errors};
 pub use flip::{PIXELS_PER_DEGREE, flip, flip_map};
 pub use stops::{Stops, stops};

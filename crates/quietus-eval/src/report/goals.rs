@@ -1,5 +1,6 @@
 //! Tables of what renders that were asked for a noise or a time came to.
 
+use super::table::number;
 use crate::goals::{Asked, GoalRun, MOMENTS};
 
 /// The head of a table of [`noise_row`]s, in Markdown.
@@ -32,8 +33,9 @@ pub fn noise_row(scene: &str, asked: f64, runs: &[GoalRun]) -> String {
     // Where no noise was found there is none to compare with.
     let widths = reported.iter().filter(|r| r[0] > 0.0).map(|[reached, _, high]| high / reached - 1.0);
     let ratio = rms(runs.iter().map(|run| run.true_square)) / rms(reported.iter().map(|r| r[0] * r[0]));
+    let ratio = number(Some(ratio), 3);
     format!(
-        "| {scene} | {} % | {} | {} | {} | {ratio:.3} | {covered} of {} ({:.1} %) | {:.0} % | {:.0} | {:.1} | {:.1} % | {} |",
+        "| {scene} | {} % | {} | {} | {} | {ratio} | {covered} of {} ({:.1} %) | {:.0} % | {:.0} | {:.1} | {:.1} % | {} |",
         100.0 * asked,
         runs.len(),
         spread(reported.iter().map(|r| r[0] / asked)),

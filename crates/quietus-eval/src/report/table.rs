@@ -80,16 +80,16 @@ fn row(text: &mut String, point: &Point, measure: Measure) {
     let root = |e: &ErrorPoint| e.root.unwrap_or(f64::NAN);
     let target = point.target_error.map_or_else(|| "-".to_owned(), |t| format!("{t:.2e}"));
     let gain = format!("{}{}", interval(error.gain, 2), if error.extrapolated { "*" } else { "" });
-    let [blocks, steps, edges] = point.structure.map(|e| e.value);
+    let structure = point.structure.map(|e| number(Some(e.value), 2)).join(" ");
     let _ = writeln!(
         text,
-        "{:<13}{:>7.1}{:>10} {:>10.5} {:>20} {:>7.2} {:>7} {:>8.3} {:>7.4} {:>7.3} {:>7.3} {:>16} {:>16} {:>18} {:>17} {:>6.2} {:>7.2} {:>8.0} {:>12} {:>10} {:>20} {:>5}",
+        "{:<13}{:>7.1}{:>10} {:>10.5} {:>20} {:>7} {:>7} {:>8.3} {:>7.4} {:>7.3} {:>7.3} {:>16} {:>16} {:>18} {:>17} {:>6.2} {:>7.2} {:>8.0} {:>12} {:>10} {:>20} {:>5}",
         point.method.name(),
         point.spp,
         target,
         root(error),
         gain,
-        error.gain_in_rays.value,
+        number(Some(error.gain_in_rays.value), 2),
         number(error.share_of_limit.map(|e| e.value), 2),
         100.0 * root(display),
         point.flip.value,
@@ -98,14 +98,17 @@ fn row(text: &mut String, point: &Point, measure: Measure) {
         percent(point.bias.picture),
         percent(point.bias.darkest_fifth),
         percent(point.bias.worst_tile),
-        format!("{blocks:.2} {steps:.2} {edges:.2}"),
+        structure,
         point.false_stops,
         point.true_over_target,
         point.reopened_pixels,
         point.discovery.map_or_else(|| "-".to_owned(), found),
         point.noise.map_or_else(
             || "-".to_owned(),
-            |noise| format!("{:.2} {}/{}", noise.reported_over_true, noise.covered, noise.runs)
+            |noise| {
+                let ratio = number(Some(noise.reported_over_true), 2);
+                format!("{ratio} {}/{}", noise.covered, noise.runs)
+            }
         ),
         error.gain_in_time.map_or_else(|| "-".to_owned(), |gain| interval(gain, 2)),
         point
@@ -125,9 +128,9 @@ fn found(discovery: Discovery) -> String {
     }
 }
 
-/// `-` where there is none.
+/// `-` where there is none, or where nothing was divided by nothing.
 pub(crate) fn number(value: Option<f64>, digits: usize) -> String {
-    value.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}"))
+    value.filter(|v| !v.is_nan()).map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}"))
 }
 
 /// What a point says by a measure.
@@ -137,6 +140,9 @@ pub(crate) fn find(point: &Point, measure: Measure) -> Option<&ErrorPoint> {
 
 /// `value [low, high]`.
 pub(crate) fn interval(e: Estimate, digits: usize) -> String {
+    if e.value.is_nan() {
+        return "-".to_owned();
+    }
     format!("{:.digits$} [{:.digits$}, {:.digits$}]", e.value, e.low, e.high)
 }
 

@@ -74,11 +74,18 @@ fn machine() -> String {
     format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS)
 }
 
+fn unread(error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::NotFound => "no such file".to_owned(),
+        _ => format!("cannot read: {error}"),
+    }
+}
+
 /// Why a file was not read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// It cannot be read at all.
-    #[error("cannot read: {0}")]
+    #[error("{}", unread(.0))]
     Io(#[from] io::Error),
     /// It is something else.
     #[error("is no {expected} of quietus{}", .found.map_or_else(String::new, |found| format!(", but a {found}")))]

@@ -152,13 +152,7 @@ impl<'c> Textures<'c> {
 
     /// The texture of numbers called `name`.
     pub(super) fn number_texture(&self, name: &str, place: Place) -> Result<ScalarParam> {
-        self.count_use();
-        self.numbers.get(name).copied().ok_or_else(|| {
-            let known: Vec<&str> = self.numbers.keys().map(|name| &**name).collect();
-            let other =
-                self.colors.contains_key(name).then_some("float texture (there is a spectrum texture)");
-            Fault::invalid(place, unknown(other.unwrap_or("float texture"), name, &known))
-        })
+        self.named(["float texture", "spectrum texture"], &self.numbers, &self.colors, name, place)
     }
 
     /// A colour or a texture of colours; `most` is the largest component that a colour may have.
@@ -197,12 +191,24 @@ impl<'c> Textures<'c> {
     }
 
     fn color_texture(&self, name: &str, place: Place) -> Result<ColorParam> {
+        self.named(["spectrum texture", "float texture"], &self.colors, &self.numbers, name, place)
+    }
+
+    /// Of `all` that one called `name`; `others` are of the other of the two `kinds`.
+    fn named<T: Copy, U>(
+        &self,
+        [kind, other]: [&str; 2],
+        all: &HashMap<Box<str>, T>,
+        others: &HashMap<Box<str>, U>,
+        name: &str,
+        place: Place,
+    ) -> Result<T> {
         self.count_use();
-        self.colors.get(name).copied().ok_or_else(|| {
-            let known: Vec<&str> = self.colors.keys().map(|name| &**name).collect();
-            let other =
-                self.numbers.contains_key(name).then_some("spectrum texture (there is a float texture)");
-            Fault::invalid(place, unknown(other.unwrap_or("spectrum texture"), name, &known))
+        all.get(name).copied().ok_or_else(|| {
+            let known: Vec<&str> = all.keys().map(|name| &**name).collect();
+            let hint =
+                if others.contains_key(name) { format!(" (there is a {other})") } else { String::new() };
+            Fault::invalid(place, unknown(&format!("{kind}{hint}"), name, &known))
         })
     }
 

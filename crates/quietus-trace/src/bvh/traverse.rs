@@ -231,8 +231,21 @@ impl<F: FnMut(&Hit) -> bool, const ANY: bool> Job for Query<'_, F, ANY> {
                 link = inner.root;
                 continue;
             } else {
-                let limits = (t_min, t_max);
-                let found = self.leaf(isa, link, (&ray, local), instance, limits, &mut best);
+                let found = if let Some(index) = link.as_triangles() {
+                    // SAFETY: as for nodes.
+                    let block = unsafe { self.accel.store.triangles(index) };
+                    match block.intersect(isa, &ray.sheared, t_min, t_max) {
+                        Some(found) => self.accept(isa, &mut best, instance, &found, block.ids()),
+                        None => false,
+                    }
+                } else {
+                    let store = &self.accel.store;
+                    let (t_min, t_max) = (self.ray.t_min, best.t);
+                    match isa.outline(LeafQuery { store, link, ray: local, time, t_min, t_max }) {
+                        Some((found, ids)) => self.accept(isa, &mut best, instance, &found, &ids),
+                        None => false,
+                    }
+                };
                 if found {
                     if ANY {
                         break;
@@ -265,33 +278,6 @@ fn into(to_object: &Affine3A, origin: Vec3, direction: Vec3) -> (Vec3, Vec3) {
 }
 
 impl<F: FnMut(&Hit) -> bool, const ANY: bool> Query<'_, F, ANY> {
-    /// Tests what a leaf holds against the ray, `local` in the space of `instance`. Says whether something nearer was found.
-    #[inline(always)]
-    fn leaf<I: Isa>(
-        &mut self,
-        isa: I,
-        link: Link,
-        (ray, local): (&Prepared<I>, (Vec3, Vec3)),
-        instance: u32,
-        (t_min, t_max): (I::F32x8, I::F32x8),
-        best: &mut Best,
-    ) -> bool {
-        if let Some(index) = link.as_triangles() {
-            // SAFETY: links come from roots and nodes of this store.
-            let block = unsafe { self.accel.store.triangles(index) };
-            return match block.intersect(isa, &ray.sheared, t_min, t_max) {
-                Some(found) => self.accept(isa, best, instance, &found, block.ids()),
-                None => false,
-            };
-        }
-        let store = &self.accel.store;
-        let (t_min, t_max, time) = (self.ray.t_min, best.t, self.ray.time);
-        match isa.outline(LeafQuery { store, link, ray: local, time, t_min, t_max }) {
-            Some((found, ids)) => self.accept(isa, best, instance, &found, &ids),
-            None => false,
-        }
-    }
-
     /// Takes what is nearer than the best so far, and says whether something was.
     #[inline(always)]
     fn accept<I: Isa>(

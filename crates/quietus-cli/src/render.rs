@@ -36,7 +36,7 @@ pub(crate) struct Ready {
     pub(crate) scene_camera: Camera,
     view: View,
     pub(crate) settings: RenderSettings,
-    look: Look,
+    pub(crate) look: Look,
     report: Settings,
     load_seconds: f64,
     /// Of its random numbers.

@@ -291,12 +291,12 @@ pub(crate) struct RenderArgs {
     pub viewing: ViewingArgs,
 
     /// Passes that the tree in use lags behind: 1 saves samples, 2 keeps threads busy at the end.
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = within(1..=2))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = within(1..=2_u32))]
     #[arg(help_heading = "Expert")]
     pub lag: u32,
 
     /// Trees along each axis of the picture. [default: 2; 1 with --sampling unbiased]
-    #[arg(long, value_name = "N", value_parser = within(1..=64))]
+    #[arg(long, value_name = "N", value_parser = within(1..=64_u32))]
     #[arg(help_heading = "Expert")]
     pub regions: Option<u32>,
 

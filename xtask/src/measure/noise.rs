@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::run::{Quietus, run, shared_scenes};
 
 /// Scene, size of the picture, longest path, samples per pixel of the reference.
-const SCENES: [(&str, &str, &str, &str); 14] = [
+const SCENES: [(&str, &str, &str, &str); 16] = [
     ("embedded", "96x64", "16", "16384"),
     ("cornell-box/gltf/CornellBox.glb", "80x64", "8", "16384"),
     ("cornell-box/cornell-box.pbrt", "80x80", "8", "16384"),
@@ -25,6 +25,8 @@ const SCENES: [(&str, &str, &str, &str); 14] = [
     ("generated/hairball.pbrt", "48x48", "13", "4096"),
     ("bmw-m6/bmw-m6-local.pbrt", "84x60", "9", "8192"),
     ("flight-helmet/FlightHelmet.gltf", "128x160", "8", "4096"),
+    ("animated-fox/Fox.glb", "96x72", "8", "8192"),
+    ("animated-fox/MorphStressTest.gltf", "96x72", "8", "8192"),
 ];
 
 /// Scene, size of the picture, longest path, noise: renders that take some ten seconds of one core.

@@ -81,7 +81,7 @@ impl Dielectric {
 
     #[inline]
     pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
-        let Some(Pair { reflected, f, eta, cos_o, value, pdf }) = self.pair(wo, wi) else {
+        let Some(Pair { reflected, f, eta, cos_o, value, pdf, .. }) = self.pair(wo, wi) else {
             return (Vec3::ZERO, 0.0);
         };
         let color = self.color(cos_o, eta, !reflected);
@@ -143,7 +143,7 @@ impl Dielectric {
         if length == 0.0 || cos_o <= 0.0 || (cos_i > 0.0) != reflected {
             return None;
         }
-        let (f, _) = self.reflectance(cos_o, eta);
+        let (f, cos_t) = self.reflectance(cos_o, eta);
         let density = if reflected {
             ggx.d(h) / (4.0 * wo.z)
         } else {
@@ -151,7 +151,8 @@ impl Dielectric {
             let jacobian = eta * eta * -cos_i / (length * length);
             ggx.d(h) * cos_o / wo.z * jacobian
         };
-        Some(Pair { reflected, f, eta, cos_o, value: density * ggx.g2(wo, wi), pdf: density * ggx.g1(wo) })
+        let (value, pdf) = (density * ggx.g2(wo, wi), density * ggx.g1(wo));
+        Some(Pair { reflected, f, eta, cos_o, cos_t, h_z: h.z, value, pdf })
     }
 
     #[inline]
@@ -243,6 +244,58 @@ impl Dielectric {
     }
 }
 
+/// For a surface where no draw shall be lost: facets send light only where it leaves.
+impl Dielectric {
+    /// [`eval_pdf`](Self::eval_pdf), with the density of [`sample_open`](Self::sample_open).
+    #[inline]
+    pub(super) fn eval_pdf_open(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        let Some(pair) = self.pair(wo, wi) else { return (Vec3::ZERO, 0.0) };
+        let Pair { reflected, f, eta, cos_o, cos_t, h_z, value, pdf } = pair;
+        let [reflects, refracts] = ways(cos_o, cos_t, eta, h_z, wo.z.abs());
+        if reflected {
+            let odds = if refracts { f } else { 1.0 };
+            (Vec3::splat(f * value), odds * pdf)
+        } else {
+            let odds = if reflects { 1.0 - f } else { 1.0 };
+            (self.tint * ((1.0 - f) * value / (eta * eta)), odds * pdf)
+        }
+    }
+
+    /// A direction with [`eval_pdf_open`](Self::eval_pdf_open); `None` where the facet sends light nowhere.
+    #[inline]
+    pub(super) fn sample_open(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<(Vec3, Vec3, f32)> {
+        let facet = self.facet(wo, u)?;
+        let (share, odds, transmission) = match facet.ways() {
+            [true, true] if u_lobe < facet.f => (facet.f, facet.f, false),
+            [true, true] => (1.0 - facet.f, 1.0 - facet.f, true),
+            [true, false] => (facet.f, 1.0, false),
+            [false, true] => (1.0 - facet.f, 1.0, true),
+            [false, false] => return None,
+        };
+        let Part { wi, shadowing, pdf } = self.part(&facet, transmission)?;
+        let color = if transmission { self.tint / (facet.eta * facet.eta) } else { Vec3::ONE };
+        Some((wi, color * (share * shadowing * pdf), odds * pdf))
+    }
+
+    /// Whether the facet of these random numbers sends light anywhere.
+    pub(super) fn opens(&self, wo: Vec3, u: Vec2) -> bool {
+        self.facet(wo, u).is_some_and(|facet| facet.ways().contains(&true))
+    }
+}
+
+/// Whether what a facet reflects, and what it refracts, leaves the surface on the side where it belongs.
+#[inline]
+fn ways(cos_o: f32, cos_t: f32, eta: f32, h_z: f32, wo_z: f32) -> [bool; 2] {
+    [2.0 * cos_o * h_z > wo_z, cos_t > 0.0 && (cos_o - eta * cos_t) * h_z < wo_z]
+}
+
+impl Facet {
+    #[inline]
+    fn ways(&self) -> [bool; 2] {
+        ways(self.cos_o, self.cos_t, self.eta, self.h.z, self.wo.z)
+    }
+}
+
 /// Two directions of a rough surface.
 struct Pair {
     reflected: bool,
@@ -252,6 +305,10 @@ struct Pair {
     eta: f32,
     /// Cosine between the facet and `wo`.
     cos_o: f32,
+    /// Of the refracted direction.
+    cos_t: f32,
+    /// Cosine between the facet and the surface.
+    h_z: f32,
     /// BSDF times cosine if all light took this way, as energy.
     value: f32,
     /// Density per steradian given that light takes this way.

@@ -20,6 +20,8 @@ const ROWS: usize = 64;
 const COLUMNS: usize = 32;
 /// Nodes bound what is found at places this many to a cell, in the cells around them.
 const PLACES: usize = 2;
+/// Narrower lobes have too few of these facets for a table.
+const LEAST_ALPHA: f32 = 0.05;
 /// Heights that are tried, from the horizon of the cap on, before the edge is narrowed down.
 const HEIGHTS: u32 = 64;
 const HALVINGS: u32 = 6;
@@ -50,17 +52,19 @@ impl BlindFacets {
     /// For an index inside over outside and a range of alphas.
     pub(super) fn new(ior: f32, alphas: [f32; 2]) -> Self {
         let side = if ior > 1.0 { -1.0 } else { 1.0 };
-        let edges: Vec<_> = [alphas[0], 0.5 * (alphas[0] + alphas[1]), alphas[1]]
-            .into_iter()
-            .map(|alpha| edges(&Dielectric::new(ior, Ggx::new(Vec2::splat(alpha)), Vec3::ONE), alpha, side))
-            .collect();
-        let around = |i: usize| (i * PLACES).saturating_sub(PLACES)..=(i + 1) * PLACES;
+        let mut alphas = vec![alphas[0], 0.5 * (alphas[0] + alphas[1]), alphas[1]];
+        alphas.dedup();
+        let surface = |alpha| Dielectric::new(ior, Ggx::new(Vec2::splat(alpha)), Vec3::ONE);
+        let edges: Vec<_> = alphas.iter().map(|&alpha| edges(&surface(alpha), alpha, side)).collect();
+        let around = |node: usize, places: usize| {
+            (node * PLACES).saturating_sub(PLACES)..((node + 1) * PLACES + 1).min(places)
+        };
         let edge = |i: usize, j: usize| {
-            let rows = edges
-                .iter()
-                .flat_map(|edges| edges.iter().take(around(i).end() + 1).skip(*around(i).start()));
-            rows.flat_map(|row| row.iter().take(around(j).end() + 1).skip(*around(j).start()))
-                .fold(0f32, |a, &b| a.max(b))
+            if alphas[0] < LEAST_ALPHA {
+                return 1.0;
+            }
+            let rows = edges.iter().flat_map(|edges| &edges[around(i, edges.len())]);
+            rows.flat_map(|row| &row[around(j, row.len())]).fold(0f32, |most, &edge| most.max(edge))
         };
         Self { rows: (0..=ROWS).map(|i| Row::new(std::array::from_fn(|j| edge(i, j)))).collect() }
     }
@@ -113,15 +117,10 @@ fn edges(surface: &Dielectric, alpha: f32, side: f32) -> Vec<[f32; COLUMNS * PLA
 /// The least height that has only blind facets above it.
 fn edge(surface: &Dielectric, wo: Vec3, azimuth: f32) -> f32 {
     let open = |height: f32| surface.opens(wo, Vec2::new(azimuth, height));
-    // Facets on edge refract, however few they are, or they and those below them do not.
-    if open(ALMOST_ONE) {
-        return 1.0;
-    }
-    let Some(below) = (0..HEIGHTS).rev().map(|i| i as f32 / HEIGHTS as f32).find(|&height| open(height))
-    else {
-        return 0.0;
-    };
-    let (mut low, mut high) = (below, below + 1.0 / HEIGHTS as f32);
+    // Facets on edge are close together.
+    let height = |i: u32| ALMOST_ONE - (i as f32 / HEIGHTS as f32).powi(3);
+    let Some(i) = (0..HEIGHTS).find(|&i| open(height(i))) else { return 0.0 };
+    let (mut low, mut high) = (height(i), height(i.max(1) - 1));
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
         if open(middle) { low = middle } else { high = middle }
@@ -134,7 +133,7 @@ mod tests {
     use super::*;
     use crate::{bsdf::frosted::axis, testing::Rng};
 
-    /// No facet beyond the edge sends light anywhere, and as many draws lie beyond as is said.
+    /// No facet beyond the edge sends light anywhere.
     #[test]
     fn what_lies_beyond_is_blind() {
         let mut rng = Rng::new(2);

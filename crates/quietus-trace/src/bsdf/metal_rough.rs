@@ -247,7 +247,7 @@ impl MetalRough {
     #[inline]
     fn outgoing(&self, wo: Vec3) -> Outgoing {
         let wo = wo * 1f32.copysign(wo.z);
-        let albedo = self.lobe_albedo.at(wo.z);
+        let albedo = self.lobe_albedo.at(wo);
         let below_coat = self.coat.map_or(1.0, |c| c.pass(wo));
         let below_sheen = self.sheen.map_or(1.0, |s| s.left(wo.z));
         let below = below_coat * below_sheen;
@@ -284,7 +284,7 @@ impl MetalRough {
             let (value, pdf) = self.eval_pdf_behind(out, wi);
             return (value * (through_coat * through_sheen), pdf);
         }
-        let albedo = self.lobe_albedo.at(wi.z);
+        let albedo = self.lobe_albedo.at(wi);
         let cosine = wi.z * FRAC_1_PI;
         let mut value = self.diffuse
             * two_way(self.dielectric.pass(out.albedo), self.dielectric.pass(albedo), self.mean_pass);
@@ -315,7 +315,7 @@ impl MetalRough {
         let [_, _, p_transmitted, _, _, p_through] = out.p;
         let (mut value, mut pdf) = (Vec3::ZERO, 0.0);
         if self.diffuse_through != Vec3::ZERO {
-            let pass = self.dielectric.pass(self.lobe_albedo.at(wi.z));
+            let pass = self.dielectric.pass(self.lobe_albedo.at(wi));
             let cosine = -wi.z * FRAC_1_PI;
             let through = two_way(self.dielectric.pass(out.albedo), pass, self.mean_pass);
             value = self.diffuse_through * (through * cosine);

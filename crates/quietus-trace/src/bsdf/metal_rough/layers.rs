@@ -104,12 +104,12 @@ impl Coat {
     /// Share of light in direction `w` that passes to the base.
     #[inline]
     pub(super) fn pass(&self, w: Vec3) -> f32 {
-        let cos = self.local(w).z;
+        let local = self.local(w);
         // Behind its own horizon the coat reflects nothing.
-        if cos * w.z <= 0.0 {
+        if local.z * w.z <= 0.0 {
             return 1.0;
         }
-        let e = self.lobe_albedo.at(cos);
+        let e = self.lobe_albedo.at(local);
         let below = e.left(COAT_F0, 1.0, 0.0);
         1.0 - self.strength * (1.0 - below)
     }

@@ -13,7 +13,7 @@ use crate::steering::{Aim, TimeLeft, Verdict};
 use crate::tracer::Tracer;
 
 /// Most of a limited time that passes until the noise was measured by as few picks as it takes.
-const LATEST: f64 = 1.012;
+const LATEST: f64 = 1.018;
 
 /// How long the noise is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]

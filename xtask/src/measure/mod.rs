@@ -2,6 +2,7 @@
 
 mod artefacts;
 mod bits;
+mod end;
 mod figure1;
 mod noise;
 mod protocol;
@@ -54,6 +55,15 @@ pub(crate) enum Measure {
         #[arg(long, default_value_t = 4)]
         runs: u32,
     },
+    /// Whether renders of larger pictures foresee when they will be done, on an idle machine: docs/noise.md
+    End {
+        /// Only scenes whose path contains this
+        #[arg(long)]
+        only: Option<String>,
+        /// Renders of each
+        #[arg(long, default_value_t = 2)]
+        runs: u32,
+    },
     /// What every policy gains and loses on every scene, by replay: docs/results.md
     Results {
         /// Only scenes whose path contains this
@@ -74,6 +84,7 @@ pub(crate) fn measure(what: &Measure) -> Result<()> {
         Measure::Noise { only, runs, seconds } => noise::noise(&quietus, only.as_deref(), *runs, *seconds),
         Measure::Time { only } => noise::time(&quietus, only.as_deref()),
         Measure::Eta { only, runs } => noise::eta(&quietus, only.as_deref(), *runs),
+        Measure::End { only, runs } => end::end(&quietus, only.as_deref(), *runs),
         Measure::Results { only } => results::results(&quietus, only.as_deref()),
     }
 }

@@ -45,6 +45,8 @@ pub use thin::{DiffuseTransmission, ThinDielectric};
 use crate::warp;
 
 /// The scattering of one surface point: plain data, built anew at each hit.
+// A box would be allocated at each hit.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
 pub enum Bsdf<'a> {
     /// Scatters nothing.

@@ -1,7 +1,7 @@
 //! How much a render will have drawn when it is done: what the guess at its end is made of.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use quietus::AdaptiveSampling;
 use quietus_film::{Film, Window};
@@ -10,6 +10,7 @@ use crate::costs::Costs;
 use crate::dealt::{Dealt, samples_in};
 use crate::forecast::least_factor;
 use crate::noise::{Copied, Effort};
+use crate::process;
 use crate::scout::{Known, Scout};
 use crate::settings::{Goal, RenderSettings, Sampling};
 use crate::steering::Aim;
@@ -113,6 +114,9 @@ pub(crate) struct Outlook {
     /// Samples in all, and seconds of one thread in all: what was drawn is taken off later.
     total: Option<Left>,
     scout: Scout,
+    threads: f64,
+    /// Since when, and how much processors' time the process had taken by then.
+    began: (Instant, Option<Duration>),
 }
 
 impl Outlook {
@@ -130,6 +134,8 @@ impl Outlook {
             looked: None,
             total: None,
             scout: Scout::default(),
+            threads: settings.threads.get() as f64,
+            began: (Instant::now(), process::cpu_time()),
         }
     }
 
@@ -187,10 +193,20 @@ impl Outlook {
         if !is_early {
             self.looked = Some(elapsed);
             if let Some(left) = self.look(sampling, seen) {
-                self.total = Some(Left { seconds: spent + left.seconds, ..left });
+                self.total = Some(Left { seconds: spent + self.undisturbed() * left.seconds, ..left });
             }
         }
         self.known()
+    }
+
+    /// What a sample will cost over what it cost so far, while this thread scouted pixels on a processor that others needed.
+    fn undisturbed(&self) -> f64 {
+        let (start, cpu_start) = self.began;
+        let cpu = cpu_start.zip(process::cpu_time()).map(|(before, now)| now.saturating_sub(before));
+        let Some(cpu) = cpu.filter(|cpu| !cpu.is_zero()) else { return 1.0 };
+        // Where there are more processors than threads nobody waited.
+        let shared = cpu.as_secs_f64().min(self.threads * start.elapsed().as_secs_f64());
+        ((cpu.as_secs_f64() - self.scout.seconds()) / shared).clamp(0.5, 1.0)
     }
 
     /// What was found last.
@@ -247,7 +263,7 @@ impl Outlook {
         let is_at_the_least = left.samples < 1.5 * self.first_samples;
         let spread = if is_at_the_least { STEERED_SPREADS[1] } else { left.spread.hypot(SCOUTED_SPREADS[0]) };
         let drawn = dealt.left(1.0, costs)[1];
-        Some(Left { seconds: left.seconds + self.measuring() * (drawn + left.seconds), spread, ..left })
+        Some(Left { seconds: left.seconds + self.measuring(drawn, left.seconds, false), spread, ..left })
     }
 
     /// From what the steering has decided and, until the last round, from scouted pixels.
@@ -260,7 +276,7 @@ impl Outlook {
         let [samples, seconds] = [now + (1.0 + creep) * (samples - now), (1.0 + creep) * seconds];
         let steered = Left { samples, seconds, spread: STEERED_SPREADS[usize::from(is_last)] };
         let left = if is_last { steered } else { self.both(steered, asked, &dealt, costs) };
-        Some(Left { seconds: left.seconds + self.measuring() * (drawn + left.seconds), ..left })
+        Some(Left { seconds: left.seconds + self.measuring(drawn, left.seconds, is_last), ..left })
     }
 
     /// What the steering foresees and what scouted pixels do, given what was measured before this round.
@@ -291,10 +307,11 @@ impl Outlook {
         (each * (then / now.max(1.0)).max(1.0).log2()).min(most)
     }
 
-    /// Samples that measure the noise, over those in the picture.
-    fn measuring(&self) -> f64 {
+    /// Seconds that measure the noise, where `drawn` were drawn and `left` are to be.
+    fn measuring(&self, drawn: f64, left: f64, is_last: bool) -> f64 {
+        let steps = if is_last { 0.0 } else { Effort::STEP.expected_share(self.pixels) };
         // Rounds before the last have half of the samples, all together, and are measured better the further it is.
-        Effort::REPORT.expected_share(self.pixels) + 0.9 * Effort::STEP.expected_share(self.pixels)
+        Effort::REPORT.expected_share(self.pixels) * (drawn + left) + 0.9 * steps * left
     }
 }
 

@@ -68,6 +68,8 @@ pub(crate) struct Scout {
     curves: Vec<Curve>,
     /// Samples of shallow and of deep pixels.
     samples: [usize; 2],
+    /// How long that took.
+    took: Duration,
     /// Samples that pixels are to have in the end, as far as that was foreseen.
     wanted: Vec<f64>,
     growth: Growth,
@@ -196,6 +198,11 @@ impl Scout {
         (self.samples[0] + self.samples[1]) as f64
     }
 
+    /// Seconds that it took.
+    pub(crate) fn seconds(&self) -> f64 {
+        self.took.as_secs_f64()
+    }
+
     /// Samples that pixels, in their order, are to have in the end.
     pub(crate) fn want(&mut self, samples: impl Fn(usize) -> f64) {
         self.wanted = (0..self.curves.len()).map(samples).collect();
@@ -217,6 +224,7 @@ impl Scout {
                 (_, Err(_)) => {}
             }
         }
+        self.took += began.elapsed();
         if self.samples() > before {
             self.growth = Growth::of(&self.curves);
         }

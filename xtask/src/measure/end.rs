@@ -37,8 +37,8 @@ struct Foreseen {
 
 /// Prints what renders foresaw of their time over what they took: `runs` renders of each scene, with seeds from 1 on.
 pub(super) fn end(quietus: &Quietus, only: Option<&str>, runs: u32) -> Result<()> {
-    println!("| scene | size | asked | seconds | spp | after 10 % | 25 % | 50 % | 75 % |");
-    println!("|---|---|---|---|---|---|---|---|---|");
+    println!("| scene | size | asked | reached / asked | seconds | spp | after 10 % | 25 % | 50 % | 75 % |");
+    println!("|---|---|---|---|---|---|---|---|---|---|");
     let mut all = Vec::new();
     for (scene, size, noise) in PICTURES {
         if only.is_some_and(|only| !scene.contains(only)) {
@@ -48,14 +48,18 @@ pub(super) fn end(quietus: &Quietus, only: Option<&str>, runs: u32) -> Result<()
         let renders = renders.collect::<Result<Vec<_>>>()?;
         let mean = |of: fn(&Render) -> f64| renders.iter().map(of).sum::<f64>() / renders.len() as f64;
         let (seconds, spp) = (mean(|render| render.seconds), mean(|render| render.spp));
-        println!("| {scene} | {size} | {noise} | {seconds:.0} | {spp:.0} | {} |", cells(&renders));
+        let reached: Vec<_> = renders.iter().map(|render| format!("{:.2}", render.reached)).collect();
+        let (reached, cells) = (reached.join(", "), cells(&renders));
+        println!("| {scene} | {size} | {noise} | {reached} | {seconds:.0} | {spp:.0} | {cells} |");
         all.extend(renders);
     }
-    println!("| all | | | | | {} |", cells(&all));
+    println!("| all | | | | | | {} |", cells(&all));
     Ok(())
 }
 
 struct Render {
+    /// The noise reported, over that asked for.
+    reached: f64,
     seconds: f64,
     spp: f64,
     foreseen: [Option<Foreseen>; MOMENTS.len()],
@@ -76,13 +80,15 @@ fn render(quietus: &Quietus, scene: &str, size: &str, noise: &str, seed: u32) ->
         String::from_utf8_lossy(&output.stderr).into_owned() + &String::from_utf8_lossy(&output.stdout);
     let events: Vec<Value> = text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
     let end = events.iter().find(|event| event["event"] == "end").context("the render told no end")?;
-    let seconds = end["wall_seconds"].as_f64().context("the end has no time")?;
+    let seconds = end["wall_seconds"].as_f64().context("the end has no wall_seconds")?;
     let foreseen = MOMENTS.map(|moment| {
         let is_before =
             |event: &&Value| event["elapsed_seconds"].as_f64().is_some_and(|at| at <= moment * seconds);
         foreseen(events.iter().rfind(is_before)?, seconds)
     });
-    Ok(Render { seconds, spp: end["spp_mean"].as_f64().unwrap_or(0.0), foreseen })
+    let number = |key: &str| end[key].as_f64().with_context(|| format!("the end has no {key}"));
+    let asked = noise.trim_end_matches('%').parse::<f64>()?;
+    Ok(Render { reached: number("noise_reached")? / asked, seconds, spp: number("spp_mean")?, foreseen })
 }
 
 /// What an event says of a render that took `seconds`.

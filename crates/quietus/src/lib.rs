@@ -105,6 +105,8 @@
 //!
 //! # What else there is
 //!
+//! - [`noise`] measures how far a finished picture is from the truth, in per cent of white with an interval, from a few pixels
+//!   that are drawn again.
 //! - [`Policy`] has the talk's tree and the baselines it is measured against; [`Mode`], [`Checks`] and [`Rebuild`]
 //!   select the talk's own way of threading, checking and rebuilding in place of the default ones.
 //! - `examples/toy_renderer.rs` is a whole renderer in a page; `examples/whole_passes.rs` one that draws pass by pass.
@@ -128,6 +130,7 @@ mod gate;
 pub mod inspect;
 #[doc(hidden)]
 pub mod morton;
+pub mod noise;
 mod parking;
 mod pass_schedule;
 mod pixel_rect;

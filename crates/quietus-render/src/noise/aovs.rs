@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Finished, Noise, Pick, estimate_squares};
+use super::{Noise, Pick, estimate_squares};
 
 /// Something besides radiance that is known of each pixel, and may be asked to be clean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -59,15 +59,4 @@ impl Aov {
         };
         estimate_squares(&picks.iter().zip(fresh).map(squared).collect::<Vec<_>>())
     }
-}
-
-/// Share of the mean that is added everywhere: no pixel is taken to be without noise.
-const FLOOR: f64 = 0.05;
-
-/// The squared errors of alpha, albedo and normals, sums over what was asked of them, with weights. `None` where nothing was.
-pub(crate) fn edges(picture: &Finished<'_>) -> Option<Vec<f64>> {
-    let squares = picture.aovs?;
-    let floor = FLOOR * squares.iter().sum::<f64>() / squares.len() as f64 + f64::MIN_POSITIVE;
-    let weighted = |(place, square): (usize, &f64)| picture.squared_weight(place) * (square + floor);
-    Some(squares.iter().enumerate().map(weighted).collect())
 }

@@ -10,6 +10,7 @@ use quietus_trace::tile::{PixelWork, Sample, SampleSink};
 
 use super::{
     Aov, AovValues, Effort, Falling, Finished, FreshMean, LEAST_PICKS, Noise, OfAovs, Pick, estimate, pick,
+    uniform,
 };
 use crate::aov_demand::AovDemand;
 use crate::crew;
@@ -139,15 +140,6 @@ fn golden_stride(count: usize) -> usize {
 
 /// Picks of one pixel in a measurement that are sure not to share samples with the next measurement.
 const REPEATS: u32 = 13;
-
-/// A number in 0..1 for every index: SplitMix (Steele, Lea and Flood 2014). Which pixels are drawn again need not
-/// depend on the seed: what they are drawn with does.
-pub(crate) fn uniform(index: u64) -> f64 {
-    let mut z = index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-}
 
 /// What the film holds, row by row over its window.
 pub(crate) struct Copied {
